@@ -61,7 +61,7 @@ def by_search():
 
 
 def by_search_compiled():
-    return base._looked_up(base.Cell(2.0, TABLE), (0.0,) * base.OCV_KNOTS, SOC)
+    return base.looked_up(base.Cell(2.0, TABLE), (0.0,) * base.OCV_KNOTS, SOC)
 
 
 def by_groups():

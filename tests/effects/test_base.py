@@ -160,7 +160,7 @@ def test_the_error_of_the_ocv_is_straight_between_knots():
     knots = np.random.default_rng(1).normal(size=base.OCV_KNOTS)
     straight = np.interp(soc, np.linspace(0, 1, base.OCV_KNOTS), knots)
     flat = base.Cell(1.0, np.zeros(11))
-    np.testing.assert_allclose(base._looked_up(flat, tuple(knots), soc), straight, atol=1e-12)
+    np.testing.assert_allclose(base.looked_up(flat, tuple(knots), soc), straight, atol=1e-12)
 
 
 def test_in_the_cold_resistances_and_time_constants_of_the_pairs_grow_alike():

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import held_on_grid, ocv_on_grid, place, usual_slope
+from cellwright.circuits.cell import held_on_grid, ocv_on_grid, usual_slope
 from cellwright.circuits.instrument import delayed
 from cellwright.numerics.lags import lag_fresh
 from cellwright.numerics.least_squares import Free
@@ -106,11 +106,6 @@ def start_names(files):
 def stated_starts(stack):
     """SoC at the start of each record as stated or counted first [1]: dict by parameter's name."""
     return dict(zip(start_names(len(stack.first)), stack.soc_at_start.tolist(), strict=True))
-
-
-def knot_below(soc):
-    """Number of the knot of the OCV error below each SoC: (n,)."""
-    return place(np.clip(soc, 0.0, 1.0), OCV_KNOTS)[0]
 
 
 def voltage(cell, stack, values, effects=()):
@@ -251,11 +246,11 @@ def _open_circuit(cell, values, soc, course):
     """OCV of the table plus its error, straight between the knots [V]; kept for a course's SoC."""
     knots = tuple([values[name] for name in OCV_NAMES])
     if soc is not course.fields.soc:
-        return _looked_up(cell, knots, soc)
+        return looked_up(cell, knots, soc)
     key, kept = (id(cell.ocv_volt), knots), course.ocv_volt
     if key not in kept:
         _make_room(kept)
-        kept[key] = cell.ocv_volt, _looked_up(cell, knots, soc)
+        kept[key] = cell.ocv_volt, looked_up(cell, knots, soc)
     return kept[key][1]
 
 
@@ -268,7 +263,7 @@ def _at_surface(cell, stack, fields, ocv_volt):
     return ocv_volt + cell.ocv_at(fields.soc + fields.lead) - within
 
 
-def _looked_up(cell, knots, soc):
+def looked_up(cell, knots, soc):
     """OCV at each SoC by the table and its error at the knots [V]."""
     return cell.ocv_at(soc) + held_on_grid(np.array(knots, float), soc)
 
@@ -370,29 +365,21 @@ def frees(stack, start, tolerance, log_std=None, starts=None):
         the template of healthy cells after them, and the resistance of contacts.
     """
     stds = log_std or LOG_STD
-    logs = [Free(name, LOG_STEP, start[name], stds[name], *_limits(name)) for name in LOGARITHMS]
+    limits = {name: np.log((1e-7, 10.0)) for name in LOGARITHMS}
+    limits |= {f"log_{name}": np.log(second) for name, second in TAU_SECOND.items()}
+    logs = [Free(n, LOG_STEP, start[n], stds[n], *limits[n]) for n in LOGARITHMS]
     capacity = Free("capacity", LOG_STEP / 10, 0.0, tolerance.capacity)
     socs = starts or [
         Free(name, SOC_STEP, soc, tolerance.soc) for name, soc in stated_starts(stack).items()
     ]
     knots = [Free(name, VOLT_STEP) for name in OCV_NAMES]
     scale = [Free("known", LOG_STEP, 1.0, tolerance.known)] if stack.template_volt.any() else []
-    lead = [_lead(start)] if stack.ohmic_course is not None and log_std is None else []
+    lead, ohm = [], float(np.exp(start["log_r0"]))
+    if stack.ohmic_course is not None and log_std is None:
+        # Of contacts beyond those of the cells whose courses a stack has. Contacts add to the
+        # resistance; they may not take from it, as a steeper course would.
+        lead = [Free(LEAD, LOG_STEP * ohm, 0.0, ohm, 0.0, MOST_LEAD * ohm)]
     return (*logs, capacity, *socs, *knots, *scale, *lead)
-
-
-def _lead(start):
-    """Resistance of contacts beyond those of the cells whose courses a stack has.
-
-    Contacts add to the resistance; they may not take from it, as a steeper course would.
-    """
-    ohm = float(np.exp(start["log_r0"]))
-    return Free(LEAD, LOG_STEP * ohm, 0.0, ohm, 0.0, MOST_LEAD * ohm)
-
-
-def _limits(name):
-    low, high = TAU_SECOND.get(name.removeprefix("log_"), (1e-7, 10.0))
-    return np.log(low), np.log(high)
 
 
 def coupling(free, tolerance):

@@ -7,12 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits.cell import place
 from cellwright.effects import base, ties
 from cellwright.effects.columns import frees_of
-from cellwright.effects.floor import excess_volt, floor_of
-from cellwright.effects.judge import rests_of, started, tolerated, unfitted, unsure_of
+from cellwright.effects.floor import floor_of
+from cellwright.effects.judge import (
+    rests_of,
+    started,
+    unfitted,
+    unsure_of,
+    unsure_of_temperature,
+)
 from cellwright.effects.records import lacking
-from cellwright.effects.score import blocks_of, rms_of_blocks
+from cellwright.effects.score import blocks_of
 from cellwright.effects.state import State
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
@@ -62,7 +69,8 @@ MOST_WHITE = 1.5  # times the scatter of neighbouring rows
 class Filters(NamedTuple):
     """Whitening of both stacks by one noise, and which of their rows an rms error counts.
 
-    noise : noise.Noise. extra_volt : see `extra_volt_of`. Rows on a steep end of the OCV, where a
+    noise : noise.Noise. extra_volt : two of (n,), error of each row beyond it: on a steep OCV, or
+    not compared [V]. Rows on a steep end of the OCV, where a
     little charge is many millivolts, do not count.
     blocks : score.Blocks, by the SoC as it is counted before the search.
     """
@@ -74,6 +82,10 @@ class Filters(NamedTuple):
     fit_rows: np.ndarray
     validation_rows: np.ndarray
     blocks: object
+
+    def rows_on(self, side):
+        """Rows of a side that an rms error counts (n,) bool."""
+        return self.fit_rows if side == "fit" else self.validation_rows
 
 
 class Case(NamedTuple):
@@ -118,7 +130,32 @@ class Case(NamedTuple):
     def begun(self):
         """Free parameters of the plain model, its first values, and filters of a first noise."""
         values, free = unfitted(self)
-        return free, values, filters_of(self, noise.FIRST, extra_volt_of(self, values))
+        return free, values, self.filters(noise.FIRST, values)
+
+    def filters(self, spread, values):
+        """Filters by a noise; rows are on a steep OCV, or not, by some values."""
+        extra = []
+        for stack in (self.fit, self.validation):
+            soc = base.fields_of(self.cell, stack, values | base.stated_starts(stack)).soc
+            unused = np.where(stack.used, 0.0, UNUSED_VOLT)
+            extra.append(unused + base.steep_volt(self.cell, soc, self.tolerance))
+        return self._filters_beside(spread, tuple(extra))
+
+    def _filters_beside(self, spread, extra):
+        """Filters by a noise and the error of each row of both stacks beyond it [V]."""
+        stacks, sides = (self.fit, self.validation), []
+        for stack in stacks:
+            absent = dict.fromkeys(base.base_names(len(stack.first)), 0.0)
+            fields = base.fields_of(self.cell, stack, absent | base.stated_starts(stack))
+            sides.append((stack.file, fields.soc, stack.used))
+        pairs = list(zip(stacks, extra, strict=True))
+        return Filters(
+            spread,
+            extra,
+            *(noise.whitening(spread, stack, extra_volt=volt) for stack, volt in pairs),
+            *(volt <= self.gates.steep_volt for volt in extra),
+            blocks_of(*sides),
+        )
 
     def with_effect(self, free, effect):
         """Free parameters with those of an effect after them."""
@@ -126,16 +163,50 @@ class Case(NamedTuple):
 
     def problem(self, effects, free, filters):
         """The fit of a model with these effects to the records of role fit."""
-        return problem_of(self, effects, free, filters)
+
+        def own_rows(values):
+            """Parameters that move rows of their own, for `Problem.apart`.
+
+            SoC at the start of a record: its rows. Every other knot of the OCV's error: those
+            around it.
+            """
+            soc = base.fields_of(self.cell, self.fit, values, effects).soc
+            below = place(np.clip(soc, 0.0, 1.0), base.OCV_KNOTS)[0]
+            starts = base.start_names(len(self.fit.first))
+            even, odd = base.OCV_NAMES[::2], base.OCV_NAMES[1::2]
+            return [(starts, self.fit.file), (even, (below + 1) // 2), (odd, below // 2)]
+
+        return Problem(
+            lambda values: self.predict("fit", values, effects),
+            self.fit.voltage_volt,
+            filters.fit.apply,
+            free,
+            base.coupling(free, self.tolerance),
+            own_rows,
+        )
+
+    def stack(self, side):
+        """Records of a side, "fit" or "validation"."""
+        return self.fit if side == "fit" else self.validation
 
     def predict(self, side, values, effects):
-        """Voltage over the records of a side, "fit" or "validation" (n,) [V]."""
-        stack = self.fit if side == "fit" else self.validation
-        return base.voltage(self.cell, stack, values, effects)
+        """Voltage over the records of a side (n,) [V]."""
+        return base.voltage(self.cell, self.stack(side), values, effects)
 
-    def without_starts(self, columns, state, filters):
-        """Whitened columns (m, k) of the records that judge, less what is unsure of each record."""
-        return without_unsure(self, columns, state, filters)
+    def unsure(self, values, effects, prediction):
+        """What is unsure of the records that judge, by a model and its prediction: judge.Unsure."""
+        about = self.cell, self.validation, values, effects, self.tolerance
+        return unsure_of(*about, prediction, self.shared)
+
+    @property
+    def shared(self):
+        """Records of which one part is fitted and another judges: their number in either."""
+        tests = self.fit.tests
+        return [(k, tests.index(t)) for k, t in enumerate(self.validation.tests) if t in tests]
+
+    def in_volt(self, rows):
+        """Rows of a prediction (n,) as voltages of one channel (1, n) [V]."""
+        return rows[None]
 
     def filters_for(self, residual, filters, first):
         """Filters by the noise of the residual with all candidates in the model."""
@@ -147,37 +218,36 @@ class Case(NamedTuple):
         # What a reading scatters by, neighbouring rows show; more of it is misfit of the model.
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
-        return filters_of(self, spread, filters.extra_volt)
+        return self._filters_beside(spread, filters.extra_volt)
 
     def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge."""
-        return state_of(self, effects, solution, filters)
+        """State of a fitted model: its errors on the records that judge.
+
+        Of these records only the first rest enters a parameter, their SoC at the start. What that
+        and a stated temperature leave unsure is taken out of their errors.
+        """
+        stack = self.validation
+        rests = rests_of(self.cell, self.fit, solution)
+        # The template's scale by the records fitted says nothing where it is hardly above noise.
+        values = solution.values | {"known": 1.0}
+        values = started(self.cell, stack, values, effects, self.tolerance, self.shared, rests)
+        volt = self.predict("validation", values, effects)
+        unsure, error = self.unsure(values, effects, volt), stack.voltage_volt - volt
+        errors = unsure.errors_in(error, filters.validation)
+        kelvin = errors[:, -1] if unsure_of_temperature(stack, effects) else np.zeros(len(errors))
+        values = values | {f"kelvin[{k}]": float(one) for k, one in enumerate(kelvin)}
+        error = error - unsure.change_by(errors)
+        white = filters.validation.apply(error)
+        sizes = rms(solution.residual[filters.fit_rows]), rms(error[filters.validation_rows])
+        return State(effects, solution, values, error, white, *sizes)
 
     def floor(self, state, free, residual, filters):
         """Error that readings and stated tolerances leave, of the plain model: floor.Floor."""
         read = noise.read_volt(residual, self.fit, steady_ampere=self.steady_ampere)
         read = min(read, filters.noise.white_volt)
+        # Every slope upwards, also of a parameter that its upper bound holds.
+        free = [one._replace(upper=np.inf) for one in free]
         return floor_of(self, state, free, filters.validation_rows, read)
-
-    def excess(self, state, floor, filters):
-        """Error beyond the floor by side, each block once [V]: dict."""
-        blocks = filters.blocks
-        sides = {
-            "fit": (state.solution.residual, blocks.fitted, filters.fit_rows, ~blocks.judges),
-            "validation": (
-                state.validation,
-                blocks.judging,
-                filters.validation_rows,
-                blocks.judges,
-            ),
-        }
-        return {
-            side: excess_volt(
-                rms_of_blocks(residual, np.where(rows, block, -1), chosen),
-                getattr(floor, f"{side}_volt"),
-            )
-            for side, (residual, block, rows, chosen) in sides.items()
-        }
 
     def denied(self, state):
         """Keys of effects of a fitted model that a measurement outside the fit contradicts.
@@ -222,115 +292,3 @@ def _in_place_of_hysteresis(case, effect, state):
     modelled = any(other.slow_gap == "hysteresis" for other in state.effects)
     ohm = ohm + values[effect.names[0]]
     return not modelled and shows_hysteresis(case.gap, ohm)
-
-
-def problem_of(case, effects, free, filters):
-    """The fit of a model with these effects to the records of role fit."""
-    return Problem(
-        lambda values: base.voltage(case.cell, case.fit, values, effects),
-        case.fit.voltage_volt,
-        filters.fit.apply,
-        free,
-        base.coupling(free, case.tolerance),
-        lambda values: _of_own_rows(case, effects, values),
-    )
-
-
-def _of_own_rows(case, effects, values):
-    """Parameters that move rows of their own, for `Problem.apart`.
-
-    SoC at the start of a record: its rows. Every other knot of the OCV's error: those around it.
-    """
-    soc = base.fields_of(case.cell, case.fit, values, effects).soc
-    below = base.knot_below(soc)
-    starts = base.start_names(len(case.fit.first))
-    even, odd = base.OCV_NAMES[::2], base.OCV_NAMES[1::2]
-    return [(starts, case.fit.file), (even, (below + 1) // 2), (odd, below // 2)]
-
-
-def state_of(case, effects, solution, filters):
-    """State of a fitted model: its errors on the records that judge.
-
-    Of these records only the first rest enters a parameter, their SoC at the start. What that and
-    a stated temperature leave unsure is taken out of their errors.
-    """
-    stack = case.validation
-    pairs = [(k, case.fit.tests.index(t)) for k, t in enumerate(stack.tests) if t in case.fit.tests]
-    rests = rests_of(case.cell, case.fit, solution)
-    # The template's scale by the records fitted says nothing where it is hardly more than noise.
-    values = solution.values | {"known": 1.0}
-    values = started(case.cell, stack, values, effects, case.tolerance, pairs, rests)
-    volt = base.voltage(case.cell, stack, values, effects)
-    about = case.cell, stack, values, effects, case.tolerance
-    moved, kelvin = tolerated(*about, volt, filters.validation, pairs)
-    values = values | {f"kelvin[{k}]": float(error) for k, error in enumerate(kelvin)}
-    error = stack.voltage_volt - volt - moved
-    return State(
-        effects,
-        solution,
-        values,
-        error,
-        filters.validation.apply(error),
-        rms(solution.residual[filters.fit_rows]),
-        rms(error[filters.validation_rows]),
-    )
-
-
-def chi_square_of(case, values, effects, filters):
-    """Chi-square of the fitted records by a model [1]."""
-    volt = base.voltage(case.cell, case.fit, values, effects)
-    white = filters.fit.apply(case.fit.voltage_volt - volt)
-    return float(white @ white)
-
-
-def without_unsure(case, columns, state, filters):
-    """Whitened columns (m, k) of the records that judge, less what is unsure of each record.
-
-    That is the SoC at its start, and its temperature where no sensor told it: see
-    `judge.unsure_of`.
-    """
-    stack, values, effects = case.validation, state.values, state.effects
-    prediction = base.voltage(case.cell, stack, values, effects)
-    about = case.cell, stack, values, effects, case.tolerance
-    changes, stds = unsure_of(*about, prediction)
-    changes = filters.validation.apply(changes)
-    shared = {k for k, test in enumerate(stack.tests) if test in case.fit.tests}
-    columns = columns.copy()
-    for k in set(range(len(stack.first))) - shared:
-        rows = stack.file == k
-        mine = changes[rows]
-        precision = mine.T @ mine + np.diag(stds[k] ** -2.0)
-        columns[rows] -= mine @ np.linalg.solve(precision, mine.T @ columns[rows])
-    return columns
-
-
-def extra_volt_of(case, values):
-    """Error of each row of both stacks beyond noise [V]: on a steep OCV, or not compared."""
-    extra = []
-    for stack in (case.fit, case.validation):
-        soc = base.fields_of(case.cell, stack, values | base.stated_starts(stack)).soc
-        unused = np.where(stack.used, 0.0, UNUSED_VOLT)
-        extra.append(unused + base.steep_volt(case.cell, soc, case.tolerance))
-    return tuple(extra)
-
-
-def filters_of(case, spread, extra):
-    """Filters of both stacks for a noise; extra : see `extra_volt_of`."""
-    return Filters(
-        spread,
-        extra,
-        noise.whitening(spread, case.fit, extra_volt=extra[0]),
-        noise.whitening(spread, case.validation, extra_volt=extra[1]),
-        extra[0] <= case.gates.steep_volt,
-        extra[1] <= case.gates.steep_volt,
-        _blocks(case),
-    )
-
-
-def _blocks(case):
-    """Blocks of both stacks, by the SoC as it was counted."""
-    sides = []
-    for stack in (case.fit, case.validation):
-        values = dict.fromkeys(base.base_names(len(stack.first)), 0.0) | base.stated_starts(stack)
-        sides.append((stack.file, base.fields_of(case.cell, stack, values).soc, stack.used))
-    return blocks_of(*sides)

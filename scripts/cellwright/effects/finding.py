@@ -1,5 +1,6 @@
 """The search of one cell: from its tests to a verdict and all that a report shows of it."""
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -9,10 +10,9 @@ from cellwright.effects import base
 from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
 from cellwright.effects.columns import frees_of
-from cellwright.effects.given.case import own_case
+from cellwright.effects.given import paired
+from cellwright.effects.given.case import as_given, own_case
 from cellwright.effects.given.external import Simulated, external_case, with_simulated
-from cellwright.effects.given.judged import as_given
-from cellwright.effects.given.paired import Pairing, paired
 from cellwright.effects.judge import joined, residual_map, unsure_by_temperature, worst
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.outside import OUTSIDE
@@ -21,6 +21,7 @@ from cellwright.effects.preparing import KINDS, SLOW_TEST, STEPS_OF_HOLD, prepar
 from cellwright.effects.records import parts_of
 from cellwright.effects.score import BANDS
 from cellwright.effects.search import joins, resume_without, search
+from cellwright.effects.state import SIDES
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import worsened
@@ -89,21 +90,33 @@ def missing_effect(
     if measurements is not None:
         rows = {name: inputs.rows(table) for name, table in measurements.items()}
         others = Others(rows, basis, ambient_celsius or {})
-    bases = {
+    gates, tolerance = settings_of(settings)
+    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
+    base_name, used, note = "plain", (), ()
+    if simulated is not None:
+        simulated = {test: Simulated(*one) for test, one in simulated.items()}
+        tests, note = with_simulated(tests, simulated)
+    try:
+        ready = prepared(cell, basis, tests, **options)
+    except Refusal as refusal:
+        raise Refusal("; ".join([str(refusal), *note])) from None
+    if model is not None:
+        base_name, case = "own", own_case(ready, given.model(model))
+    elif simulated is not None:
+        base_name, case = "external", external_case(ready)
+    else:
         # Healthy cells of the type go the same way as the cell itself, so that errors of method
         # cancel.
-        "references": [Reference(*_record_of(*reference)) for reference in references],
-        "model": None if model is None else given.model(model),
-        "simulated": simulated and {test: Simulated(*one) for test, one in simulated.items()},
-    }
-    task = task_of(cell, basis, tests, settings=settings, **bases)
+        healthy = [Reference(*_record_of(*reference)) for reference in references]
+        case, used, note = _paired(ready.case, healthy, options)
     # A plain model with its effects is one to choose: it is fitted again without blocks.
-    split = settings["split_rest_second"] if task.base_name == "plain" else None
-    names = {"split_rest_second": split, "base_name": task.base_name, "others": others}
-    finding = of_case(cell.cell, task.case, library, **names)
-    text = "\n".join([finding.verdict["paragraph"], *task.caveats])
-    verdict = finding.verdict | {"references": list(task.references), "paragraph": text}
-    return finding._replace(verdict=verdict, notes=(*task.notes, *finding.notes)).result()
+    split = settings["split_rest_second"] if base_name == "plain" else None
+    names = {"split_rest_second": split, "base_name": base_name, "others": others}
+    finding = of_case(cell.cell, case, library, **names)
+    text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
+    verdict = finding.verdict | {"references": list(used), "paragraph": text}
+    notes = (*ready.notes, *note, *finding.notes)
+    return finding._replace(verdict=verdict, notes=notes).result()
 
 
 def _record_of(cell, basis, tests):
@@ -134,52 +147,13 @@ def prepared_case(
     return prepared(*_record_of(cell, basis, mine), **options).case
 
 
-class Task(NamedTuple):
-    """What a search is asked: its case, and what the model is.
-
-    case : case.Case. base_name : "plain", "own" or "external". references : names of the healthy
-    cells that the cell is compared with. notes, caveats : tuples of str, see `preparing.Prepared`.
-    """
-
-    case: object
-    base_name: str
-    references: tuple
-    notes: tuple
-    caveats: tuple
-
-
-def task_of(cell, basis, tests, *, settings, references=(), model=None, simulated=None):
-    """Case of a search before anything is searched: Task; arguments as of `missing_effect`."""
-    gates, tolerance = settings_of(settings)
-    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
-    base_name, used, note = "plain", [], ()
-    if simulated is not None:
-        tests, note = with_simulated(tests, simulated)
-    ready = _ready(cell, basis, tests, options, note)
-    if model is not None:
-        base_name, case = "own", own_case(ready, model)
-    elif simulated is not None:
-        base_name, case = "external", external_case(ready)
-    else:
-        case, used, note = _paired(ready.case, references, options)
-    return Task(case, base_name, tuple(used), (*ready.notes, *note), ready.caveats)
-
-
-def _ready(cell, basis, tests, options, notes):
-    """As `preparing.prepared`; a refusal tells as well which simulation could not be joined."""
-    try:
-        return prepared(cell, basis, tests, **options)
-    except Refusal as refusal:
-        raise Refusal("; ".join([str(refusal), *notes])) from None
-
-
 def _paired(case, references, options):
     """The case in paired mode where that serves: (case, names of the references, notes)."""
     if not references:
         return case, [], ()
     try:
         others = {r.cell.cell: prepared(*r, **options).case for r in references}
-        pair = paired(case, others)
+        pair = paired.paired(case, others)
     except Refusal as refusal:
         return case, [], (f"searched alone, not beside the references: {refusal}",)
     if not pair.needed:
@@ -187,11 +161,11 @@ def _paired(case, references, options):
     names = ", ".join(pair.references)
     notes = [f"searched beside the references {names}"]
     notes += [f"not compared with {name}: {why}" for name, why in pair.unshared.items()]
-    few = Pairing()
-    if len(pair.references) < few.known_from:
+    if len(pair.references) < paired.KNOWN_FROM:
         notes.append(
             f"how much healthy cells differ cannot be read from {len(pair.references)} of them: "
-            f"{1e3 * few.material_volt_of_few:g} mV, and {100 * few.scale_std_of_few:g} % of what "
+            f"{1e3 * paired.MATERIAL_VOLT_OF_FEW:g} mV, and "
+            f"{100 * paired.SCALE_STD_OF_FEW:g} % of what "
             "the references show, were taken"
         )
     return pair.case, list(pair.references), tuple(notes)
@@ -216,7 +190,8 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     library = {name: effect for name, effect in library.items() if name not in ruled_out}
     case, deviations = found.case, fitted.stds
     first, last = found.first, found.last
-    residuals = _map(case, first, result.last)
+    socs = _socs(case, result.last)
+    residuals = _map(case, socs, first, result.last)
     unexcited = {e.id: not_excited(case, e) for e in library.values()}
     named = {one.effect.id for one in result.names}
     hidden = set(found.hidden) - named | {
@@ -243,7 +218,10 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     declared = state if result.word in KEPT else first
     verdict["nuisances"] = declared_values_at_limit(case, declared, parts_of(case.fit))
     ranking = ranking_of(found, result)
-    verdict["against"] = _last_against(ranking, named) | verdict["against"]
+    # What spoke last against each effect that was tried and is no name.
+    spoke = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
+    against = {effect: code for effect, code in spoke if effect not in named and code}
+    verdict["against"] = against | verdict["against"]
     verdict["against"] |= dict.fromkeys(ruled_out, CONTRADICTED)
     verdict["contradicted"] = list(ruled_out.values())
     model = model_of(case, state)
@@ -262,7 +240,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         ranking,
         residuals,
         _evidence(found, result),
-        _series(case, first, result.last, found.filters),
+        _series(case, socs, first, result.last, found.filters),
         model,
         tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
     )
@@ -304,7 +282,8 @@ def search_uncontradicted(case, library, others):
     ruled_out = {}
     while others is not None:
         model = model_of(found.case, found.last)
-        series = _series(found.case, found.first, found.last, found.filters)
+        socs = _socs(found.case, found.last)
+        series = _series(found.case, socs, found.first, found.last, found.filters)
         tables = others.tables | {"series": series}
         measured = measured_of(tables, others.basis, model, ambient=others.ambient)
         names = sizes_of_names(result, fitted.stds)
@@ -314,15 +293,6 @@ def search_uncontradicted(case, library, others):
         ruled_out |= more
         found, result, fitted = _with_outcome(resume_without(found, ruled_out))
     return found, result, fitted, ruled_out
-
-
-def _otherwise(found):
-    """Solution of the last model under the other hold of the current, or None."""
-    case, last = found.case, found.last
-    if case.otherwise is None or not last.effects:
-        return None
-    problem = case.otherwise.problem(last.effects, found.model.free, found.filters)
-    return fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
 
 
 def _fitted(found):
@@ -345,38 +315,36 @@ def _fitted(found):
     if len(case.fit.tests) > 1:
         spreads += covariances(solution, case.fit.file)[1:]
     assumed = unsure_by_temperature(case, state, found.filters.fit)
-    if (other := _otherwise(found)) is not None:
-        assumed = assumed + _unsure_by_hold(names, solution, other)
+    if case.otherwise is not None and last.effects:
+        problem = case.otherwise.problem(last.effects, found.model.free, found.filters)
+        other = fit(problem, last.solution.values, steps=STEPS_OF_HOLD)
+        scatter = max(solution.chi_square / len(solution.residual), 1.0)
+        odds = np.exp(min((solution.cost - other.cost) / (2 * scatter), 0.0))
+        change = np.array([other.values[name] - solution.values[name] for name in names])
+        assumed = assumed + odds / (1 + odds) * np.outer(change, change)
     changes = found.spaces[-1].changes_by_another(last.solution.names)
     changes = [np.array([change[name] for name in names]) for change in changes]
     assumed = assumed + sum(np.outer(c, c) for c in changes) / max(len(changes), 1)
     return Fitted(names, tuple(one + assumed for one in spreads))
 
 
-def _unsure_by_hold(names, here, there):
-    """Covariance (p, p) of parameters for all that decides between two solutions."""
-    scatter = max(here.chi_square / len(here.residual), 1.0)
-    odds = np.exp(min((here.cost - there.cost) / (2 * scatter), 0.0))
-    change = np.array([there.values[name] - here.values[name] for name in names])
-    return odds / (1 + odds) * np.outer(change, change)
-
-
-def _map(case, before, after):
-    """Residual map of both roles, before and after the effects."""
+def _map(case, socs, *ends):
+    """Residual map of both sides, before and after the effects."""
+    capacity = case.cell.capacity_ampere_hour
+    parts = [(side, case.stack(side), [one.residual_on(side) for one in ends]) for side in SIDES]
     return joined(
-        [
-            _map_of(case, case.fit, "fit", before, after),
-            _map_of(case, case.validation, "validation", before, after),
-        ]
+        residual_map(stack, side, socs[side], *residuals, capacity, stack.used)
+        for side, stack, residuals in parts
     )
 
 
-def _map_of(case, stack, role, before, after):
-    values = [s.solution.values if role == "fit" else s.values for s in (before, after)]
-    fields = base.fields_of(case.cell, stack, values[1], after.effects)
-    residuals = [s.solution.residual if role == "fit" else s.validation for s in (before, after)]
-    capacity = case.cell.capacity_ampere_hour
-    return residual_map(stack, role, fields.soc, *residuals, capacity, stack.used)
+def _socs(case, state):
+    """SoC of every row by a model (n,) [1], by side."""
+    about = case.cell, state.effects
+    return {
+        side: base.fields_of(about[0], case.stack(side), state.values_on(side), about[1]).soc
+        for side in SIDES
+    }
 
 
 def ranking_of(found, result):
@@ -445,25 +413,14 @@ def _against(found, result, effect, gain):
     return "needless" if joins(gain, found.case.gates) else "no_better"
 
 
-def _last_against(ranking, named):
-    """What spoke last against each effect that was tried and is no name: dict id → code."""
-    pairs = zip(ranking.get("effect", ()), ranking.get("code", ()), strict=True)
-    return {effect: code for effect, code in pairs if effect not in named and code}
-
-
 def _evidence(found, result):
     """Of each name: what it changes of each block, and what was missing there without it."""
     blocks, parts = found.filters.blocks, []
-    for one in result.names:
-        ends = one.before, one.state
-        for role, stack, block, residuals in (
-            ("fit", found.case.fit, blocks.fitted, [s.solution.residual for s in ends]),
-            ("validation", found.case.validation, blocks.judging, [s.validation for s in ends]),
-        ):
-            columns = _evidence_of(stack, block, blocks.band, residuals)
-            about = {"effect": one.effect.id, "role": role}
-            rows = len(columns["rows"])
-            parts.append({name: [value] * rows for name, value in about.items()} | columns)
+    for one, side in product(result.names, SIDES):
+        residuals = [state.residual_on(side) for state in (one.before, one.state)]
+        columns = _evidence_of(found.case.stack(side), blocks.on(side), blocks.band, residuals)
+        rows = len(columns["rows"])
+        parts.append({"effect": [one.effect.id] * rows, "role": [side] * rows} | columns)
     return joined(parts)
 
 
@@ -485,30 +442,24 @@ def _evidence_of(stack, block, band, residuals):
     }
 
 
-def _series(case, before, after, filters):
+def _series(case, socs, before, after, filters):
     """Columns of all records: what was measured, both models, and which rows the errors count."""
-    parts, counted = [], {"fit": filters.fit_rows, "validation": filters.validation_rows}
-    for role, stack in (("fit", case.fit), ("validation", case.validation)):
-        values = after.solution.values if role == "fit" else after.values
-        fields = base.fields_of(case.cell, stack, values, after.effects)
-        residuals = [
-            s.solution.residual if role == "fit" else s.validation for s in (before, after)
-        ]
-        parts.append(
-            {
-                "role": [role] * len(stack.file),
-                "test": [stack.tests[k] for k in stack.file],
-                "test_time_second": stack.second.tolist(),
-                "current_ampere": stack.current_ampere.tolist(),
-                "celsius": stack.celsius.tolist(),
-                "soc": fields.soc.tolist(),
-                "used": stack.used.tolist(),
-                "counted": counted[role].tolist(),
-                "voltage_volt": stack.voltage_volt.tolist(),
-                "before_volt": (stack.voltage_volt - residuals[0]).tolist(),
-                "after_volt": (stack.voltage_volt - residuals[1]).tolist(),
-            }
-        )
+    parts = []
+    for side in SIDES:
+        stack = case.stack(side)
+        columns = {
+            "test_time_second": stack.second,
+            "current_ampere": stack.current_ampere,
+            "celsius": stack.celsius,
+            "soc": socs[side],
+            "used": stack.used,
+            "counted": filters.rows_on(side),
+            "voltage_volt": stack.voltage_volt,
+            "before_volt": stack.voltage_volt - before.residual_on(side),
+            "after_volt": stack.voltage_volt - after.residual_on(side),
+        }
+        names = {"role": [side] * len(stack.file), "test": [stack.tests[k] for k in stack.file]}
+        parts.append(names | {name: column.tolist() for name, column in columns.items()})
     return joined(parts)
 
 
@@ -518,7 +469,7 @@ def about_fit(case):
     Also, where the dates are known, the time between the first and the last test [d].
     """
     stack = case.fit
-    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
+    means = stack.mean_celsius
     known = {
         "fitted_celsius": [float(means.min()), float(means.max())],
         "capacity_ampere_hour": case.cell.capacity_ampere_hour,

@@ -4,8 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects import base
-from cellwright.numerics.least_squares import inverse
+from cellwright.effects.score import rms_of_blocks
+from cellwright.effects.state import SIDES
+from cellwright.numerics.least_squares import Problem, derivatives, inverse
+from cellwright.numerics.statistics import rms
 
 
 class Floor(NamedTuple):
@@ -19,43 +21,47 @@ class Floor(NamedTuple):
     validation_volt: float
     by_test: dict
 
+    def on(self, side):
+        """Floor of a side, "fit" or "validation" [V]."""
+        return self.fit_volt if side == "fit" else self.validation_volt
+
 
 def floor_of(case, state, free, rows, read_volt):
     """Floor of a case: noise of the readings, and what stated tolerances leave on other records.
 
     The parameters of the plain model are known to within their posterior: priors (tolerances of
-    the OCV, of the capacity, of the SoC at a start) narrowed by the records fitted. Through the
-    sensitivities of the records that judge this is an error that no missing effect has made.
+    the OCV, of the capacity, of the SoC at a start; of a group the declared spread of its branches)
+    narrowed by the records fitted. Through the sensitivities of the records that judge this is an
+    error that no missing effect has made.
 
     Parameters
     ----------
-    case : case.Case. state : state.State of the plain model. free : tuple of Free, of its fit.
-    rows : (m,) bool, rows that count. read_volt : noise of a single reading [V].
+    case : of a cell or of a group, as in `search`. state : state.State of the plain model.
+    free : tuple of Free, of its fit. rows : (n,) bool, rows that count; or True, all.
+    read_volt : noise of a single reading of each channel of `case.in_volt`, (c,) or one [V].
 
     Returns
     -------
     floor : Floor.
     """
-    stack, solution = case.validation, state.solution
-    at = base.voltage(case.cell, stack, state.values, state.effects)
-    shared = [f for f in free if not f.name.startswith("soc0[")]
-    columns = np.stack([_derivative(case, state, at, f) for f in shared], axis=1)
+    stack, solution, reads = case.validation, state.solution, np.atleast_1d(read_volt)
+    shared = tuple(f for f in free if not f.name.startswith("soc0["))
+    problem = Problem(
+        lambda values: case.predict("validation", values, state.effects), None, None, shared
+    )
+    at = problem.predict(state.values)
+    columns = derivatives(problem, state.values, at)
     place = [solution.names.index(f.name) for f in shared]
     covariance = inverse(solution.precision)[np.ix_(place, place)]
     variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
-    variance = np.maximum(variance, 0.0) + read_volt**2
+    unsure_volt = case.in_volt(np.sqrt(np.maximum(variance, 0.0)))
+    squares = np.mean(unsure_volt**2 + reads[:, None] ** 2, axis=0)
     by_test = {
-        test: float(np.sqrt(variance[rows & (stack.file == k)].mean()))
+        test: float(np.sqrt(squares[rows & (stack.file == k)].mean()))
         for k, test in enumerate(stack.tests)
         if np.any(rows & (stack.file == k))
     }
-    return Floor(read_volt, float(np.sqrt(variance[rows].mean())), by_test)
-
-
-def _derivative(case, state, at, free):
-    """Derivative of the voltage of the records that judge by one parameter (m,)."""
-    moved = state.values | {free.name: state.values[free.name] + free.step}
-    return (base.voltage(case.cell, case.validation, moved, state.effects) - at) / free.step
+    return Floor(rms(reads), float(np.sqrt(squares[rows].mean())), by_test)
 
 
 def excess_volt(error_volt, floor_volt):
@@ -63,27 +69,38 @@ def excess_volt(error_volt, floor_volt):
     return float(np.sqrt(max(error_volt**2 - floor_volt**2, 0.0)))
 
 
-def fallen_volt(before, after, floor):
-    """Fall of the error beyond the floor, of the side where it is larger [V]; negative: a rise.
+def excess_of_blocks(case, state, floor, filters):
+    """Error of a model beyond the floor, each block once, of the side where it is larger [V].
+
+    Parameters
+    ----------
+    case, state, floor : as above. filters : of the case, with `blocks` and `rows_on`.
+    """
+    blocks, left = filters.blocks, []
+    for side, chosen in zip(SIDES, (~blocks.judges, blocks.judges), strict=True):
+        volts = case.in_volt(state.residual_on(side)).ravel()
+        block = np.where(filters.rows_on(side), blocks.on(side), -1)[-len(volts) :]
+        left.append(excess_volt(rms_of_blocks(volts, block, chosen), floor.on(side)))
+    return max(left)
+
+
+def fallen_on_volt(side, before, after, floor):
+    """Fall of the error of a side beyond the floor [V]; negative: a rise.
 
     What was 2.5 mV beyond the noise and is 2 mV with an effect is the same model to anyone, though
     their squares differ by (1.5 mV)².
 
     Parameters
     ----------
-    before, after : State without and with an effect. floor : Floor.
+    side : "fit" or "validation". before, after : State without and with an effect. floor : Floor.
     """
-    return max(
-        excess_volt(before.rmse_volt, floor.fit_volt)
-        - excess_volt(after.rmse_volt, floor.fit_volt),
-        fallen_where_judged_volt(before, after, floor),
-    )
-
-
-def fallen_where_judged_volt(before, after, floor):
-    """Fall of the error beyond the floor on the records that judge [V]; see `fallen_volt`."""
-    ends = (excess_volt(one.validation_rmse_volt, floor.validation_volt) for one in (before, after))
+    ends = (excess_volt(state.rmse_on(side), floor.on(side)) for state in (before, after))
     return float(np.subtract(*ends))
+
+
+def fallen_volt(before, after, floor):
+    """Fall of the error beyond the floor, of the side where it is larger [V]."""
+    return max(fallen_on_volt(side, before, after, floor) for side in SIDES)
 
 
 def left_volt(state, floor):
@@ -93,5 +110,4 @@ def left_volt(state, floor):
     ----------
     state : state.State. floor : Floor.
     """
-    fit = excess_volt(state.rmse_volt, floor.fit_volt)
-    return max(fit, excess_volt(state.validation_rmse_volt, floor.validation_volt))
+    return max(excess_volt(state.rmse_on(side), floor.on(side)) for side in SIDES)

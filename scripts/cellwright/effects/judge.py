@@ -49,7 +49,7 @@ def rests_of(cell, stack, solution):
     rests : Rests.
     """
     loaded = _loaded(cell, stack)
-    rows = {k: _first_rest(stack, k, loaded) for k in range(len(stack.first))}
+    rows = {k: first_rest(stack, k, loaded) for k in range(len(stack.first))}
     rows = {k: rest[stack.used[rest]] for k, rest in rows.items()}
     files = [k for k, rest in rows.items() if len(rest)]
     soc = np.array([solution.values[f"soc0[{k}]"] for k in files])
@@ -79,7 +79,7 @@ def started(cell, stack, values, effects, tolerance, shared=(), rests=None):
     }
     values = values | base.stated_starts(stack) | shared_starts
     loaded = _loaded(cell, stack)
-    rests_of_files = [_first_rest(stack, k, loaded) for k in range(len(stack.first))]
+    rests_of_files = [first_rest(stack, k, loaded) for k in range(len(stack.first))]
     # Only these rows are looked at: to simulate whole records for them takes three times as long.
     ends = [rows[-1] + 1 if len(rows) else 0 for rows in rests_of_files]
     stack, moved_up = stack.first_rows(ends)
@@ -125,21 +125,16 @@ def unfitted(case):
         limits = ends[0] - FAR_STDS * std, ends[1] + FAR_STDS * std
         starts.append(Free(name, SOC_STEP, stated, tolerance.soc, *limits))
     free = base.frees(stack, values, tolerance, case.log_std, starts)
-    capacity = _capacity_of(case, next(one for one in free if one.name == "capacity"))
+    capacity = next(one for one in free if one.name == "capacity")
+    if case.first_capacity:
+        # What all records contradict is not known beforehand. It is known as finely as it was
+        # looked for: the declared one would have the OCV, at its own tolerance, take up what is
+        # wrong.
+        finest = beginning.FINER_CAPACITY
+        capacity = capacity._replace(prior=case.first_capacity, std=finest)
     limits = _declared_limits(case, capacity)
     free = [capacity if one.name == "capacity" else one for one in free]
     return values, tuple(one._replace(**limits.get(one.name, {})) for one in free)
-
-
-def _capacity_of(case, capacity):
-    """The capacity's parameter, a Free; what all records contradict is not known beforehand.
-
-    There it is known as finely as it was looked for (`first_capacity`): the declared one would have
-    the OCV, at its own tolerance, take up what is wrong.
-    """
-    if not case.first_capacity:
-        return capacity
-    return capacity._replace(prior=case.first_capacity, std=beginning.FINER_CAPACITY)
 
 
 def _declared_limits(case, capacity):
@@ -159,53 +154,62 @@ def _declared_limits(case, capacity):
     return limits | {"capacity": {"lower": lower - far, "upper": upper + far}}
 
 
-def tolerated(cell, stack, values, effects, tolerance, prediction, whitening, shared=()):
-    """Errors of what is stated of a record that explain most of a residual, within what is unsure.
+class Unsure(NamedTuple):
+    """What is unsure of the records that judge: the SoC at a start, a temperature, a template.
 
-    These are the SoC at its start, its temperature where no sensor told it, and beside healthy
-    cells the scale of their template. A start that is known to a millivolt moves the whole record
-    by as much. That is no error of the model; counted as such, it would be proof of an effect that
-    also moves whole records. What asks for more than is left open by the rest and the sheet is the
-    model's own.
+    changes : (m, p) of the prediction for one unit of each in all records at once. stds : (f, p) of
+    each in each record. file : (m,) number of the record of each row. alone : numbers of the
+    records of which no part was fitted.
+    """
+
+    changes: np.ndarray
+    stds: np.ndarray
+    file: np.ndarray
+    alone: frozenset
+
+    def errors_in(self, error, whitening):
+        """Errors (f, p) of what is unsure that explain most of an error (m,), each within
+        `FAR_STDS` deviations.
+
+        A start that is known to a millivolt moves the whole record by as much. That is no error of
+        the model; counted as such, it would be proof of an effect that also moves whole records.
+        What asks for more than is left open by the rest and the sheet is the model's own.
+        """
+        both = whitening.apply(np.column_stack([self.changes, error]))
+        errors = np.zeros_like(self.stds)
+        for k, rows in self._rows():
+            columns, rest, limit = both[rows, :-1], both[rows, -1], FAR_STDS * self.stds[k]
+            precision = columns.T @ columns + np.diag(self.stds[k] ** -2.0)
+            errors[k] = bounded_minimum(precision, columns.T @ rest, -limit, limit)
+        return errors
+
+    def change_by(self, errors):
+        """Change (m,) of the prediction by errors (f, p)."""
+        return np.sum(self.changes * errors[self.file], axis=1)
+
+    def taken_out_of(self, columns, whitening):
+        """Whitened columns (m, k), less what errors of what is unsure would explain of them."""
+        changes, columns = whitening.apply(self.changes), columns.copy()
+        for k, rows in self._rows():
+            mine = changes[rows]
+            precision = mine.T @ mine + np.diag(self.stds[k] ** -2.0)
+            columns[rows] -= mine @ np.linalg.solve(precision, mine.T @ columns[rows])
+        return columns
+
+    def _rows(self):
+        return [(k, self.file == k) for k in sorted(self.alone)]
+
+
+def unsure_of(cell, stack, values, effects, tolerance, prediction, shared=()):
+    """What is unsure of each record that judges, and what it changes: Unsure.
+
+    These are the SoC at its start; beside healthy cells the scale of their template; and last,
+    where no sensor told any record's and effects are in the model, its temperature.
 
     Parameters
     ----------
     cell, stack, effects, tolerance, shared : as in `started`. values : with the starts of
-    `started`. prediction : (n,) voltage at them [V]. whitening : noise.Whitening.
-
-    Returns
-    -------
-    moved_volt : (n,) change of the prediction by these errors [V].
-    kelvin : (f,) by how much each record was warmer than stated.
-    """
-    starts = base.start_names(len(stack.first))
-    changes, unsure = unsure_of(cell, stack, values, effects, tolerance, prediction)
-    both = whitening.apply(np.column_stack([changes, stack.voltage_volt - prediction]))
-    errors = np.zeros((len(starts), changes.shape[1]))
-    for k in sorted(set(range(len(starts))) - {k for k, _ in shared}):
-        columns, error = both[stack.file == k, :-1], both[stack.file == k, -1]
-        precision, moment = columns.T @ columns + np.diag(unsure[k] ** -2.0), columns.T @ error
-        limit = FAR_STDS * unsure[k]
-        found = bounded_minimum(precision, moment, -limit, limit)
-        errors[k] = found
-    moved = np.sum(changes * errors[stack.file], axis=1)
-    kelvin = errors[:, -1] if _unsure_of_temperature(stack, effects) else np.zeros(len(starts))
-    return moved, kelvin
-
-
-def unsure_of(cell, stack, values, effects, tolerance, prediction):
-    """What is unsure of each record that judges, and what it changes.
-
-    Parameters
-    ----------
-    cell, stack, values, effects, tolerance, prediction : as in `tolerated`.
-
-    Returns
-    -------
-    changes : (n, p) voltage for one unit of each in all records at once: the SoC at its start; the
-        scale of the template of healthy cells, where there is one; and last, where no sensor told
-        any record's and effects are in the model, its temperature [V].
-    stds : (f, p) of each in each record.
+    `started`. prediction : (n,) voltage at them [V].
     """
     starts = base.start_names(len(stack.first))
     by_start = values | {name: values[name] + SOC_STEP for name in starts}
@@ -214,15 +218,16 @@ def unsure_of(cell, stack, values, effects, tolerance, prediction):
     if stack.template_volt.any():
         changes.append(stack.template_volt)
         unsure.append(np.full(len(starts), tolerance.known))
-    if _unsure_of_temperature(stack, effects):
+    if unsure_of_temperature(stack, effects):
         warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
         warmed = stack._replace(celsius=warmer, responses={}, courses={})
         changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
         unsure.append(np.full(len(starts), tolerance.kelvin))
-    return np.stack(changes, axis=1), np.stack(unsure, axis=1)
+    alone = frozenset(range(len(starts))) - {k for k, _ in shared}
+    return Unsure(np.stack(changes, axis=1), np.stack(unsure, axis=1), stack.file, alone)
 
 
-def _unsure_of_temperature(stack, effects):
+def unsure_of_temperature(stack, effects):
     """Whether an error of a stated temperature changes what a model predicts."""
     return bool(effects) and stack.stated.any()
 
@@ -289,7 +294,7 @@ def _error_near(soc, rests):
     return float(near.sum() / (len(near) + 1))
 
 
-def _first_rest(stack, k, loaded):
+def first_rest(stack, k, loaded):
     """Rows of record k before its first load."""
     rows = np.flatnonzero(stack.file == k)
     return rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
@@ -309,7 +314,7 @@ def _start_soc(cell, soc, stated, error, tolerance):
 def _start_stds(cell, stack, values, tolerance):
     """Standard deviation of the SoC at the start of each record, by its rest and as stated (f,)."""
     loaded = _loaded(cell, stack)
-    rows = [len(_first_rest(stack, k, loaded)) for k in range(len(stack.first))]
+    rows = [len(first_rest(stack, k, loaded)) for k in range(len(stack.first))]
     starts = np.array([values[name] for name in base.start_names(len(rows))])
     pairs = zip(base.slopes(cell, starts).tolist(), rows, strict=True)
     return np.array([sum(_precisions(*pair, tolerance)) ** -0.5 for pair in pairs])

@@ -14,12 +14,12 @@ from cellwright.circuits.instrument import FOLLOWS, words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
-from cellwright.effects.case import extra_volt_of, filters_of, problem_of
 from cellwright.effects.columns import frees_of
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
+from cellwright.effects.library.quantities import fields_at
 from cellwright.effects.library.vocabulary import SLOW_TEST, in_order
-from cellwright.effects.records import NEAR_END, stacked
+from cellwright.effects.records import NEAR_END
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.identification.in_use import (
     Judged,
@@ -31,7 +31,7 @@ from cellwright.identification.in_use import (
 from cellwright.numerics.least_squares import fit
 from cellwright.records.blocks import cut_of
 from cellwright.records.conditions import AT_REST_C_RATE, same_temperature
-from cellwright.records.record import cell_temperature, record_of
+from cellwright.records.record import cell_temperature
 from cellwright.refusal import Refusal
 
 STEPS_OF_FOLD = 4  # of its fit, each with new derivatives of the effects
@@ -66,8 +66,10 @@ def effect_member(effect_model, model, celsius, library=LIBRARY):
     if unknown:
         raise Refusal(f"effects {', '.join(unknown)} are not in the library")
     effects = in_order([library[name] for name in effect_model["effects"]], library)
+    in_courses, where = ("resistance", "ocv"), "docs/missing-effect-library.md"
     for effect in effects:
-        _check_place(effect)
+        if not (effect.stage in in_courses or effect.circuit or effect.blocks):
+            raise Refusal(f"effect {effect.id!r} has no place in a model file: see {where}")
     cell = base.Cell(
         effect_model["capacity_ampere_hour"], np.asarray(effect_model["ocv_volt"], float)
     )
@@ -94,14 +96,6 @@ class Searched(NamedTuple):
     cell: base.Cell
     document: dict
     effects: list
-
-
-def _check_place(effect):
-    """Refuse an effect that is in no course, branch or block of a member."""
-    if effect.stage in ("resistance", "ocv") or effect.circuit or effect.blocks:
-        return
-    where = "docs/missing-effect-library.md"
-    raise Refusal(f"effect {effect.id!r} has no place in a model file: see {where}")
 
 
 def temperatures(courses, stated, effects):
@@ -191,15 +185,15 @@ def _probed(searched, celsius, sign, stages=PROBED):
 
     stages : of the effects that act.
     """
-    cell, document = searched.cell, searched.document
+    cell, values = searched.cell, searched.document["values"]
     capacity = cell.capacity_ampere_hour
-    current = sign * 1e-3 * capacity
-    rows = [record_of([0.0], [current], [0.0], soc, celsius=celsius) for soc in KNOTS]
-    stack = stacked(rows, capacity_ampere_hour=capacity, hold=document["hold"])
-    shift = document["start_shift_soc"]
-    starts = {f"soc0[{k}]": float(soc) + shift for k, soc in enumerate(KNOTS)}
-    acting = [effect for effect in searched.effects if effect.stage in stages]
-    return base.fields_of(cell, stack, document["values"] | starts, acting)
+    soc = np.clip(KNOTS + searched.document["start_shift_soc"], *base.SOC_LIMITS)
+    sizes = {"capacity_ampere_hour": capacity * (1.0 + values["capacity"])}
+    ocv = base.looked_up(cell, [values[name] for name in base.OCV_NAMES], soc)
+    acting = [e for stage in stages for e in searched.effects if e.stage == stage]
+    about = {"soc": soc, "celsius": celsius, "current": sign * 1e-3 * capacity}
+    pairs = [(effect, effect.sizes_of(values)) for effect in acting]
+    return fields_at(values | sizes, pairs, **about, ocv=ocv)
 
 
 def _energy(searched, celsius):
@@ -283,8 +277,7 @@ def folds(case, state, noise, *, split_rest_second):
     for fold in range(count):
         kept = case.fit.used & (numbers % count != fold)
         part = case._replace(fit=case.fit._replace(used=kept))
-        filters = filters_of(part, noise, extra_volt_of(part, values))
-        problem = problem_of(part, state.effects, free, filters)
+        problem = part.problem(state.effects, free, part.filters(noise, values))
         start = state.solution
         solution = fit(
             problem, start.values, columns=start.columns, renew=renew, steps=STEPS_OF_FOLD

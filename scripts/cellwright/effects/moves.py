@@ -75,13 +75,11 @@ def _together(space, model, term):
     """Whether a term can be beside those of a model: not the same effect, and none that no test
     tells from it."""
     one = space.terms[term].effect
-    others = [space.terms[k].effect for k in model]
-    return not any(one.key == other.key or _exactly_tied(one, other) for other in others)
-
-
-def _exactly_tied(one, other):
-    pairs = ((one, other), (other, one))
-    return any(tie.exact and tie.partner == b.id for a, b in pairs for tie in a.ties)
+    for other in (space.terms[k].effect for k in model):
+        ties = [(tie, other.id) for tie in one.ties] + [(tie, one.id) for tie in other.ties]
+        if one.key == other.key or any(tie.exact and tie.partner == name for tie, name in ties):
+            return False
+    return True
 
 
 def _best(space, model, now, offers, least_z, fitted):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.case import Case, chi_square_of
+from cellwright.effects.case import Case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.vocabulary import SLOW_TEST
 from cellwright.effects.records import ages_of, stacked
@@ -251,10 +251,16 @@ def _misfit(case):
     """
     free, values, filters = case.begun()
     values = fit(case.problem((), free, filters), values, steps=STEPS_OF_HOLD).values
-    costs = [chi_square_of(case, values, (), filters)]
+
+    def chi_square(values, *effects):
+        volt = case.predict("fit", values, effects)
+        white = filters.fit.apply(case.fit.voltage_volt - volt)
+        return float(white @ white)
+
+    costs = [chi_square(values)]
     alike = [effect for effect in LIBRARY.values() if effect.hold_imitates]
     for effect, start in [(one, start) for one in alike for start in one.starts]:
         begun = values | {f"{effect.key}.{name}": size for name, size in start.items()}
         begun = beginning.regressed(case.cell, case.fit, begun, (effect,))
-        costs.append(chi_square_of(case, begun, (effect,), filters))
+        costs.append(chi_square(begun, effect))
     return min(costs)

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.instrument import load_direction
-from cellwright.numerics.clock import refuse_backward
 from cellwright.records.conditions import AT_REST_C_RATE, low_current
 from cellwright.records.record import STATED, checked
 from cellwright.records.thinning import driven
@@ -101,6 +100,11 @@ class Stack(NamedTuple):
     late_second: np.ndarray | None = None
     age: np.ndarray | None = None
     aged_day: float = 0.0
+
+    @property
+    def mean_celsius(self):
+        """Mean temperature of each record (f,) [degC]."""
+        return np.bincount(self.file, self.celsius) / np.bincount(self.file)
 
     def with_courses(self, ohmic, slow):
         """The same rows with courses of resistances (n,) or None: ohmic, and of either RC pair."""
@@ -363,29 +367,20 @@ def group_stacked(records, *, branches, hold="zero_order"):
     if not 2 <= branches <= MOST_BRANCHES:
         raise Refusal(f"a group of {branches} branches; 2 to {MOST_BRANCHES} were wanted")
     for record in records:
-        _check_group(record, branches)
+        _check(record)
+        if record.branch_current_ampere is not None:
+            _check_sum(record, branches)
     logged = all(record.branch_current_ampere is not None for record in records)
     currents = _joined(records, "branch_current_ampere") if logged else None
     return Stack(**_rows(records, hold), branch_current_ampere=currents, responses={})
 
 
-def _check_group(record, branches):
-    names = ["test_time_second", "current_ampere", "voltage_volt", "celsius"]
-    if record.branch_current_ampere is not None:
-        names.append("branch_current_ampere")
-    for name in names:
-        values = np.asarray(getattr(record, name), float)
-        wrong = np.argwhere(~np.isfinite(values))
-        if len(wrong):
-            value = values[tuple(wrong[0])]
-            raise Refusal(f"{record.test}: row {wrong[0][0]} of {name} is {value}, not a number")
-    refuse_backward(record.test_time_second, of=record.test)
-    if record.branch_current_ampere is not None:
-        _check_sum(record, branches)
-
-
 def _check_sum(record, branches):
-    currents = np.asarray(record.branch_current_ampere)
+    currents = np.asarray(record.branch_current_ampere, float)
+    wrong = np.argwhere(~np.isfinite(currents))
+    if len(wrong):
+        (row, *_), value = wrong[0], currents[tuple(wrong[0])]
+        raise Refusal(f"{record.test}: row {row} of branch_current_ampere is {value}, not a number")
     if currents.shape != (len(record.test_time_second), branches):
         raise Refusal(f"{record.test}: branch currents {currents.shape} of {branches} branches")
     total = record.current_ampere
@@ -397,9 +392,10 @@ def _check_sum(record, branches):
         )
 
 
-def _temperature(stack, capacity):
+def two_temperatures(stack, capacity=None):
+    """Whether the records of a stack are at two temperatures; whatever the capacity is."""
     means = [stack.celsius[stack.file == k].mean() for k in range(len(stack.first))]
-    return np.ptp(means) >= KELVIN
+    return bool(np.ptp(means) >= KELVIN)
 
 
 def _both(stack, capacity):
@@ -442,7 +438,7 @@ def _age(stack, capacity):
 
 
 FACTORS = {
-    "temperature": (_temperature, f"mean temperatures of the records {KELVIN:g} K apart"),
+    "temperature": (two_temperatures, f"mean temperatures of the records {KELVIN:g} K apart"),
     "both_directions": (_both, "charge and discharge within the records"),
     "soc_range": (_soc_range, f"{100 * SOC_RANGE:g} % of the state of charge"),
     "rates": (_rates, f"loads that differ by a factor of {RATE_RATIO:g}"),

@@ -39,6 +39,10 @@ class Blocks(NamedTuple):
     band: np.ndarray
     judges: np.ndarray
 
+    def on(self, side):
+        """Number of the block of each row of a side, "fit" or "validation"."""
+        return self.fitted if side == "fit" else self.judging
+
 
 def blocks_of(fitted, judging, *, channels=1):
     """Blocks: tenths of the SoC of each record that have five rows or more.

@@ -21,8 +21,8 @@ Both have these methods and values:
 `with_effect(free, effect)` : free parameters beside those of an effect.
 `problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
 `predict(side, values, effects)` : prediction of the records of a side, "fit" or "validation".
-`without_starts(columns, state, filters)` : whitened columns of the records that judge, less what
-    their starts leave unsure.
+`unsure(values, effects, prediction)` : what is unsure of the records that judge, `judge.Unsure`.
+`in_volt(rows)` : rows of a prediction as voltages of the channels that errors are told of [V].
 `filters_for(residual, filters, first)` : whitening by the noise of a residual (`.noise`, `.fit`,
     `.validation`), and the blocks of the records (`.blocks`).
 `state(effects, solution, filters)` : a fit and its errors on both sides, `state.State`.
@@ -313,15 +313,13 @@ class _Climb:
         others = {keys: m for keys, m in self.models.items() if keys not in self.made}
         if not others:
             return None
-        if best.keys in self.made and len(self.made) > 1 and not self._leaves_much(best):
+        # It may leave more than anyone would accept, and a fair part of the plain one's error:
+        # another way up may lead further.
+        was, now = (left_volt(one.state, self.floor) for one in (self.models[()], best))
+        much = now > max(self.about.case.gates.unknown_volt, MUCH * was)
+        if best.keys in self.made and len(self.made) > 1 and not much:
             return None
         return _most_worth(self.about, others.values())
-
-    def _leaves_much(self, model):
-        """Whether a model leaves more than anyone would accept, and a fair part of the plain one's
-        error: another way up may lead further."""
-        was, now = (left_volt(one.state, self.floor) for one in (self.models[()], model))
-        return now > max(self.about.case.gates.unknown_volt, MUCH * was)
 
     def add(self, model):
         """Keep a model, unless a measurement contradicts one of its effects."""
@@ -530,10 +528,14 @@ def _centre_delays(about, model):
     There it is as sure as the normal distribution that has as wide a 95 % interval. A fit that
     stood in a step of the likelihood falls by it, and the interval is looked for again.
     """
-    for name in (one.names[0] for one in model.effects if one.hold_imitates):
+    for effect in (one for one in model.effects if one.hold_imitates):
+        name = effect.names[0]
+        # The delay as its effect has it.
+        own = {one.name: one for one in about.case.with_effect((), effect)}
         others = tuple(one for one in about.level if one.name != name)
         for _ in range(LEVELLED):
-            before, free = model.state.solution, _with_own_delay(model.free, about, name)
+            before = model.state.solution
+            free = tuple(own.get(one.name, one) for one in model.free)
             problem = about.case.problem(model.effects, free, about.yardstick.filters)
             ends = None if name in before.at_bound else level(problem, before, name)
             if ends is None:
@@ -546,13 +548,3 @@ def _centre_delays(about, model):
             if before.chi_square - model.state.solution.chi_square < TWO_STDS:
                 break
     return about, model
-
-
-def _with_own_delay(free, about, name):
-    """Free parameters with that of a delay as its effect has it."""
-    plain = {f.name: f for f in about.case.with_effect((), _effect_of(about, name))}
-    return tuple(plain.get(one.name, one) for one in free)
-
-
-def _effect_of(about, name):
-    return next(effect for effect in about.possible.values() if name in effect.names)

@@ -343,10 +343,13 @@ def space_of(case, yardstick, state, free, possible, further):
         ]
         for side in ends
     }
-    fit_side = [solution.white, *_whitened(filters.fit, changes["fit"]), solution.whitened[:, None]]
+    fit_side = [solution.white, solution.whitened[:, None]]
+    if changes["fit"]:
+        fit_side.insert(1, filters.fit.apply(np.concatenate(changes["fit"], axis=1)))
     moved = _derivatives(case, state, at["validation"], free)
     judging = filters.validation.apply(np.concatenate([moved, *changes["validation"]], axis=1))
-    judging = case.without_starts(judging, state, filters)
+    unsure = case.unsure(state.values, effects, at["validation"])
+    judging = unsure.taken_out_of(judging, filters.validation)
     judging = np.concatenate([judging, state.validation_white[:, None]], axis=1)
     blocks = yardstick.blocks
     fitted, loose, rows = block_products(
@@ -379,10 +382,6 @@ def candidates_beside(case, side, values, prediction, effects, possible, further
         return case.predict(side, moved, in_order((*effects, effect), possible))
 
     return candidates(predict, prediction, values, further)
-
-
-def _whitened(whitening, changes):
-    return [whitening.apply(np.concatenate(changes, axis=1))] if changes else []
 
 
 def _derivatives(case, state, prediction, free):

@@ -8,6 +8,7 @@ from cellwright.effects.score import densities, difference, left_out, mean_squar
 from cellwright.numerics.least_squares import inverse
 
 PRICE = 1.0  # nats an effect
+SIDES = ("fit", "validation")  # records that are fitted, and those that judge
 
 
 class State(NamedTuple):
@@ -30,6 +31,18 @@ class State(NamedTuple):
     def worst_volt(self):
         """The larger of both rms errors [V]."""
         return max(self.rmse_volt, self.validation_rmse_volt)
+
+    def values_on(self, side):
+        """Values of the parameters on a side, one of `SIDES`: dict by name."""
+        return self.solution.values if side == "fit" else self.values
+
+    def residual_on(self, side):
+        """Errors (m,) on a side."""
+        return self.solution.residual if side == "fit" else self.validation
+
+    def rmse_on(self, side):
+        """Rms error on a side [V]."""
+        return self.rmse_volt if side == "fit" else self.validation_rmse_volt
 
 
 class Yardstick(NamedTuple):

@@ -81,7 +81,7 @@ def in_order_of_temperature(effect, stack):
     ----------
     effect : Effect that was chosen. stack : records.Stack fitted.
     """
-    means = np.bincount(stack.file, stack.celsius) / np.bincount(stack.file)
+    means = stack.mean_celsius
     if stack.age is None or min(np.ptp(means), np.ptp(stack.age)) == 0.0:
         return ()
     if abs(np.corrcoef(means, stack.age)[0, 1]) < ONE_ORDER:
@@ -102,22 +102,20 @@ def tie_between(effect, other):
 
 
 def _partners(effect, library, values):
-    """Ids of the partners of an effect by ties that hold always: those no search could weigh."""
-    pairs = [(tie, name, tie.partner) for name, tie in structural_ties() if tie.always]
-    pairs += [(tie, tie.partner, name) for name, tie in structural_ties() if tie.always]
-    partners = [(t, other) for t, tied, other in pairs if tied == effect and other in library]
-    return [
-        other
-        for tie, other in partners
-        if not tie.same_size or _within_bounds(effect, other, library, values)
-    ]
+    """Ids of the partners of an effect by ties that hold always: those no search could weigh.
 
-
-def _within_bounds(effect, other, library, values):
-    """Whether the fitted size of an effect lies within the bounds of its partner."""
-    size = values.get(library[effect].names[0])
-    bounds = library[other].parameters[0]
-    return size is None or bounds.lower <= size <= bounds.upper
+    The bounds of a partner that is of the same size leave it out.
+    """
+    always = [(name, tie) for name, tie in structural_ties() if tie.always]
+    pairs = [(tie, name, tie.partner) for name, tie in always]
+    pairs += [(tie, tie.partner, name) for name, tie in always]
+    found = []
+    for tie, tied, other in pairs:
+        if tied == effect and other in library:
+            size, bounds = values.get(library[effect].names[0]), library[other].parameters[0]
+            inside = size is None or bounds.lower <= size <= bounds.upper
+            found += [other] if inside or not tie.same_size else []
+    return found
 
 
 def rest_current(stack, *, capacity_ampere_hour):
@@ -137,7 +135,8 @@ def rest_current(stack, *, capacity_ampere_hour):
     -------
     rest : RestCurrent.
     """
-    places = _rests(stack, capacity_ampere_hour)
+    columns = stack.current_ampere, stack.second, capacity_ampere_hour
+    places = steady_rests(*columns, np.flatnonzero(stack.fresh))
     rests = [stack.current_ampere[begin:end] for begin, end in places]
     logged = [rest for rest in rests if np.any(rest)]
     if not logged:
@@ -181,20 +180,24 @@ def is_in_rest_log(rest, *, size_ampere, std_ampere):
     return None
 
 
-def _rests(stack, capacity):
-    """First rows of steady stretches near zero current, and the rows after their last."""
-    low = low_current(stack.current_ampere, capacity)
+def steady_rests(current_ampere, second, capacity_ampere_hour, starts=()):
+    """First rows of steady stretches near zero current, and the rows after their last: list.
+
+    A stretch lasts 60 s, and 95 % of its rows are at rest about its median.
+
+    Parameters
+    ----------
+    current_ampere, second : (n,) [A], [s]. capacity_ampere_hour : of the cell [Ah].
+    starts : rows at which a record begins: no stretch goes on over one.
+    """
+    low = low_current(current_ampere, capacity_ampere_hour)
     edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0]))
-    starts = np.flatnonzero(stack.fresh)
-    stretches = []
+    found = []
     for begin, end in edges.reshape(-1, 2):
-        cuts = [begin, *starts[(starts > begin) & (starts < end)], end]
-        stretches += list(pairwise(cuts))
-    return [pair for pair in stretches if _steady(stack, *pair, capacity)]
-
-
-def _steady(stack, begin, end, capacity):
-    """Whether a stretch lasts 60 s and 95 % of its rows are at rest about its median."""
-    logged, second = stack.current_ampere[begin:end], stack.second[begin:end]
-    near = at_rest(logged - np.median(logged), capacity)
-    return second[-1] - second[0] >= REST_SECOND and bool(near.mean() > 0.95)
+        cuts = [begin, *(row for row in starts if begin < row < end), end]
+        for first, behind in pairwise(cuts):
+            logged = current_ampere[first:behind]
+            near = at_rest(logged - np.median(logged), capacity_ampere_hour)
+            if second[behind - 1] - second[first] >= REST_SECOND and near.mean() > 0.95:
+                found.append((first, behind))
+    return found

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cellwright.effects.floor import fallen_volt, fallen_where_judged_volt
+from cellwright.effects.floor import excess_of_blocks, fallen_on_volt, fallen_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
 from cellwright.effects.story.sizes import has_size
@@ -80,7 +80,7 @@ def outcome(found, fitted, values=None):
 
 def _left(found, state):
     """Error of a state beyond the floor, each block once, of the side where it is larger [V]."""
-    return max(found.case.excess(state, found.floor, found.filters).values())
+    return excess_of_blocks(found.case, state, found.floor, found.filters)
 
 
 def _against(found, one, fitted, values):
@@ -136,11 +136,7 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
         "floor_volt": result.floor.validation_volt,
         "floors": [{"test": k, "volt": volt} for k, volt in result.floor.by_test.items()],
         "remainder": {"excess_volt": result.excess_volt, "adequate": result.adequate},
-        "rmse_volt": {"before": first.rmse_volt, "after": last.rmse_volt},
-        "validation_rmse_volt": {
-            "before": first.validation_rmse_volt,
-            "after": last.validation_rmse_volt,
-        },
+        **_before_and_after(first, last),
         "errors": {
             name: {"fit_volt": state.rmse_volt, "validation_volt": state.validation_rmse_volt}
             for name, state in (("plain", first), ("names", result.alone), ("model", found.last))
@@ -161,10 +157,14 @@ def shown_outside(found, result):
 
 def _errors(one):
     """Errors of a model without and with one of its effects, on both kinds of records."""
-    ends = one.before, one.state
+    return _before_and_after(one.before, one.state)
+
+
+def _before_and_after(*ends):
+    names = {"fit": "rmse_volt", "validation": "validation_rmse_volt"}
     return {
-        side: dict(zip(("before", "after"), (getattr(s, side) for s in ends), strict=True))
-        for side in ("rmse_volt", "validation_rmse_volt")
+        name: {"before": ends[0].rmse_on(side), "after": ends[1].rmse_on(side)}
+        for side, name in names.items()
     }
 
 
@@ -218,7 +218,7 @@ def is_proven(found, one):
     judges, states = blocks.judges, (one.before, one.state)
     ends = (found.yardstick.density(squares)[judges] for squares in one.squares)
     return (
-        fallen_where_judged_volt(*states, found.floor) >= case.gates.material_volt
+        fallen_on_volt("validation", *states, found.floor) >= case.gates.material_volt
         and difference(*ends, blocks.record[judges]).z >= case.gates.joins
     )
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from cellwright.circuits.model_file import circuit_at, member_of, std_name
 from cellwright.effects import base, beginning
-from cellwright.effects.case import extra_volt_of, filters_of, problem_of
+from cellwright.effects.state import SIDES
 from cellwright.identification.validation import simulated
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 OHMIC = ("R", "charge_transfer", "R_two_way")
@@ -84,32 +85,27 @@ def given_case(case, fitted, judging, *, log_std=None):
         for stack, given in ((case.fit, fitted), (case.validation, judging))
     ]
     bare = case._replace(fit=stacks[0]._replace(voltage_volt=fitted.volt), validation=stacks[1])
-    values = _companion(bare)
-    stacks = [_without_steep_rows(case, stack, values) for stack in stacks]
-    templates = [
-        given.volt - base.voltage(case.cell, stack, at_starts(values, stack))
-        for stack, given in zip(stacks, (fitted, judging), strict=True)
-    ]
-    fit_stack, proof_stack = (
-        stack._replace(template_volt=template)
-        for stack, template in zip(stacks, templates, strict=True)
-    )
+    # The companion: resistances and time constants fitted to the given voltage. Everything else
+    # stays as it was stated, so that the difference is a part of the given model.
+    values = beginning.first_values(bare.cell, bare.fit)
+    free = base.frees(bare.fit, values, bare.tolerance)
+    problem = bare.problem((), free, bare.filters(FIRST, values))
+    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
+    values = fit(problem._replace(free=logs, coupling=None), values).values
+    sides = {}
+    for side, stack, given in zip(SIDES, stacks, (fitted, judging), strict=True):
+        starting = values | base.stated_starts(stack)
+        fields = base.fields_of(case.cell, stack, starting)
+        # On a steep end of the OCV a given model may err by a volt through a little charge. Rows
+        # that no error of the search counts would then decide its fit.
+        steep = base.steep_volt(case.cell, fields.soc, case.tolerance)
+        stack = stack._replace(used=stack.used & (steep <= case.gates.steep_volt))
+        sides[side] = stack._replace(template_volt=given.volt - fields.volt)
     tolerance = case.tolerance._replace(known=GIVEN_STD)
     start = values | {"known": 1.0}
     # The hold is that of the plain circuit: the given voltage was computed under its own.
     known = {"tolerance": tolerance, "start": start, "log_std": log_std, "otherwise": None}
-    return case._replace(fit=fit_stack, validation=proof_stack, **known)
-
-
-def _without_steep_rows(case, stack, values):
-    """A stack whose rows on a steep end of the OCV are not compared.
-
-    There a given model may err by a volt through a little charge. Rows that no error of the search
-    counts would then decide its fit.
-    """
-    soc = base.fields_of(case.cell, stack, at_starts(values, stack)).soc
-    steep = base.steep_volt(case.cell, soc, case.tolerance)
-    return stack._replace(used=stack.used & (steep <= case.gates.steep_volt))
+    return case._replace(**sides, **known)
 
 
 def _given_by(model, member, records):
@@ -164,24 +160,19 @@ def _middle(relative):
     return float(np.clip(middle, LEAST_LOG_STD, MOST_LOG_STD))
 
 
-def _companion(case):
-    """Values of the companion: resistances and time constants fitted to the given voltage.
+def as_given(case, filters):
+    """Error of a given model with none of its parameters freed: dict fit, validation [V].
 
-    Everything else stays as it was stated, so that the difference is a part of the given model.
-    """
-    values = beginning.first_values(case.cell, case.fit)
-    free = base.frees(case.fit, values, case.tolerance)
-    filters = filters_of(case, FIRST, extra_volt_of(case, values))
-    problem = problem_of(case, (), free, filters)
-    logs = tuple(parameter for parameter in free if parameter.name in base.LOGARITHMS)
-    return fit(problem._replace(free=logs, coupling=None), values).values
-
-
-def at_starts(values, stack):
-    """Values with the stated SoC at the starts of a stack: dict.
+    Over the rows that an rms error of the search counts, from the SoC as stated or counted; of
+    records for proof as of those fitted.
 
     Parameters
     ----------
-    values : dict of parameters by name. stack : records.Stack.
+    case : case.Case of a given model. filters : case.Filters.
     """
-    return values | base.stated_starts(stack)
+    errors = {}
+    for side in SIDES:
+        stack = case.stack(side)
+        volt = base.voltage(case.cell, stack, case.start | base.stated_starts(stack))
+        errors[side] = rms((stack.voltage_volt - volt)[filters.rows_on(side)])
+    return errors

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects import base, beginning
-from cellwright.effects.case import STEADY_C_RATE, extra_volt_of, filters_of, problem_of, state_of
 from cellwright.effects.columns import frees_of, neutral
 from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.thermal import WARMED, without_growth
 from cellwright.effects.records import lacking
+from cellwright.effects.state import SIDES
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
 from cellwright.numerics.statistics import rms
@@ -29,29 +29,26 @@ from cellwright.refusal import Refusal
 
 NEXT_ROWS = np.arange(-1, 3)
 FITTED = (*base.LOGARITHMS, "soc0[")  # first letters of the parameters fitted to a reference
-ROLES = ("fit", "validation")
 APART_KELVIN = 5.0  # between records; below it they are at one temperature
 TOLD_BY = 3  # temperatures: whether the energy of resistances grows in the cold
 CLEARLY = 0.5  # of the difference in proportion, below which that by the clock decides
-
-
-class Sameness(NamedTuple):
-    """Largest differences between two runs of one protocol.
-
-    rest_second : least length of a rest whose edges are matched. duration : relative difference of
-    a stretch between two matched edges, beyond `slack_second`, up to which time may run in
-    proportion. c_rate : root mean square difference of the currents over `window_second` [1/h].
-    celsius : difference of the mean temperatures. covered : least share of a record's rows to which
-    the other has a counterpart, and of a role's rows that some reference shares.
-    """
-
-    rest_second: float = 120.0
-    duration: float = 0.08
-    slack_second: float = 30.0
-    c_rate: float = 0.1
-    window_second: float = 600.0
-    celsius: float = 2.0
-    covered: float = 0.5
+# Largest differences between two runs of one protocol.
+LEAST_REST_SECOND = 120.0  # of a rest whose edges are matched
+# Of a stretch between two matched edges, up to which time may run in proportion: relative, or so
+# much at least.
+PROPORTIONAL, SLACK_SECOND = 0.08, 30.0
+MOST_C_RATE, WINDOW_SECOND = 0.1, 600.0  # of the currents, root mean square over a window
+MOST_KELVIN = 2.0  # of the mean temperatures
+COVERED = 0.5  # of a record's rows that have a counterpart, of a role's that a reference shares
+KNOWN_FROM = 3  # references, whose scatter tells how much healthy cells differ
+# Of the template's factor, and by what healthy cells differ [V]; of fewer references, where both
+# are declared and not read from them.
+SCALE_STD, SCALE_STD_OF_FEW = 0.2, 0.4
+MATERIAL_VOLT, MATERIAL_VOLT_OF_FEW = 1e-3, 2e-3
+# Times the noise of a single reading, which a circuit of constants must leave of the references
+# beyond that noise. Below it the circuit follows healthy cells well, and the template would add no
+# more than its own noise.
+NEEDED_RATIO = 2.0
 
 
 class Part(NamedTuple):
@@ -74,12 +71,12 @@ def part(stack, test, kind, capacity_ampere_hour):
     return Part(test, rows, *taken, capacity_ampere_hour)
 
 
-def counterpart_second(record, reference, limits=None):
+def counterpart_second(record, reference):
     """Time in the reference's record of each row of a record of the same protocol.
 
     Parameters
     ----------
-    record, reference : Part. limits : Sameness.
+    record, reference : Part.
 
     Returns
     -------
@@ -89,27 +86,25 @@ def counterpart_second(record, reference, limits=None):
     ------
     Refusal : too little in common, other currents or temperature; with test, row and difference.
     """
-    limits = limits or Sameness()
-    runs = record, reference
-    edges, others = (_rest_edges(run, limits.rest_second) for run in runs)
+    edges, others = map(_rest_edges, (record, reference))
     count = min(len(edges), len(others))
     second = np.empty(len(record.second))
     for k in range(count):
         last = k + 1 == count
         rows = np.arange(edges[k], len(second) if last else edges[k + 1])
         ends = None if last else (record.second[edges[k + 1]], reference.second[others[k + 1]])
-        second[rows] = _in_stretch(record, reference, rows, others[k], ends, limits)
-    _covers(record, second, limits)
+        second[rows] = _in_stretch(record, reference, rows, others[k], ends)
+    _covers(record, second)
     matched = np.flatnonzero(np.isfinite(second))
     row, difference = _nearest(record, reference, second, matched)
-    _same_currents(record, matched, difference, limits)
-    _same_temperature(record, reference, limits)
+    _same_currents(record, matched, difference)
+    _same_temperature(record, reference)
     steps = _steps(reference, second[matched], record.capacity_ampere_hour)
     second[matched[steps]] = reference.second[row[steps]]
     return second
 
 
-def _in_stretch(record, reference, rows, begin, ends, limits):
+def _in_stretch(record, reference, rows, begin, ends):
     """Time in the reference of the rows between two edges of rests (m,) [s]; NaN: it has none.
 
     begin : row of the reference at the first edge. ends : time of the second edge in both records,
@@ -121,7 +116,7 @@ def _in_stretch(record, reference, rows, begin, ends, limits):
         return np.where(clock <= reference.second[-1], clock, np.nan)
     here, there = ends[0] - second[0], ends[1] - reference.second[begin]
     clock[clock > ends[1]] = np.nan
-    if abs(there - here) > max(limits.slack_second, limits.duration * here):
+    if abs(there - here) > max(SLACK_SECOND, PROPORTIONAL * here):
         return clock
     proportional = reference.second[begin] + (second - second[0]) * (there / here)
     both = (_difference_ampere(record, reference, rows, s) for s in (clock, proportional))
@@ -137,7 +132,7 @@ def _difference_ampere(record, reference, rows, second):
     return rms(_nearest(record, reference, times, rows[matched])[1])
 
 
-def _rest_edges(record, least_second):
+def _rest_edges(record):
     """First row, and the rows at which long rests begin and end.
 
     An offset of the sensor makes no load of a rest.
@@ -145,18 +140,18 @@ def _rest_edges(record, least_second):
     rest = low_current(record.current_ampere, record.capacity_ampere_hour)
     edges = np.flatnonzero(np.diff(np.r_[0, rest, 0])).reshape(-1, 2)
     last, second = len(record.second) - 1, record.second
-    lasting = [e for e in edges if second[min(e[1], last)] - second[e[0]] >= least_second]
+    lasting = [e for e in edges if second[min(e[1], last)] - second[e[0]] >= LEAST_REST_SECOND]
     inner = {int(row) for pair in lasting for row in pair if row <= last}
     return np.array(sorted({0} | inner))
 
 
-def _covers(record, second, limits):
+def _covers(record, second):
     share = np.isfinite(second).mean()
-    if share < limits.covered:
+    if share < COVERED:
         row = int(np.flatnonzero(~np.isfinite(second))[0])
         raise Refusal(
             f"{record.test}: the reference has {100 * share:.0f} % of the rows, the first that it "
-            f"has not is row {row}; wanted {100 * limits.covered:.0f} %"
+            f"has not is row {row}; wanted {100 * COVERED:.0f} %"
         )
 
 
@@ -178,50 +173,29 @@ def _steps(reference, second, capacity):
     return near[np.clip(np.searchsorted(reference.second, second), 0, len(near) - 1)]
 
 
-def _same_currents(record, matched, difference, limits):
-    window = (record.second[matched] // limits.window_second).astype(int)
+def _same_currents(record, matched, difference):
+    window = (record.second[matched] // WINDOW_SECOND).astype(int)
     window -= window[0]
     count = np.maximum(np.bincount(window), 1)
     size = np.sqrt(np.bincount(window, difference**2) / count) / record.capacity_ampere_hour
     worst = int(np.argmax(size))
-    if size[worst] > limits.c_rate:
+    if size[worst] > MOST_C_RATE:
         row = int(matched[np.argmax(window == worst)])
         raise Refusal(
             f"{record.test}: from row {row} on the current differs from the reference's by "
-            f"{size[worst]:.3f} C (root mean square over {limits.window_second:g} s); wanted at "
-            f"most {limits.c_rate:g} C"
+            f"{size[worst]:.3f} C (root mean square over {WINDOW_SECOND:g} s); wanted at "
+            f"most {MOST_C_RATE:g} C"
         )
 
 
-def _same_temperature(record, reference, limits):
+def _same_temperature(record, reference):
     celsius = float(np.mean(record.celsius))
     at_reference = float(np.mean(reference.celsius))
-    if abs(celsius - at_reference) > limits.celsius:
+    if abs(celsius - at_reference) > MOST_KELVIN:
         raise Refusal(
             f"{record.test}: from row 0 on at {celsius:.1f} degC in the mean, the reference at "
-            f"{at_reference:.1f} degC; wanted a difference of at most {limits.celsius:g} K"
+            f"{at_reference:.1f} degC; wanted a difference of at most {MOST_KELVIN:g} K"
         )
-
-
-class Pairing(NamedTuple):
-    """When and how healthy reference cells are used.
-
-    known_from : number of references from which their scatter tells how much healthy cells differ.
-    scale_std : of the template's factor. material_volt : an effect that takes less than its square
-    off the mean square error is within what healthy cells differ by. scale_std_of_few,
-    material_volt_of_few : the same where there are fewer, declared and not read from them.
-    needed_ratio : times the noise of a single reading, which a circuit of constants must leave of
-    the references beyond that noise. Below it the circuit follows healthy cells well, and the
-    template would add no more than its own noise.
-    """
-
-    known_from: int = 3
-    scale_std: float = 0.2
-    material_volt: float = 1e-3
-    scale_std_of_few: float = 0.4
-    material_volt_of_few: float = 2e-3
-    needed_ratio: float = 2.0
-    sameness: Sameness = Sameness()
 
 
 class Paired(NamedTuple):
@@ -230,24 +204,18 @@ class Paired(NamedTuple):
     case : case.Case, its stacks with the template, its gates with what healthy cells differ by.
     references : names used. left_out : reasons why others were not, by name. unshared : reasons why
     single tests of the references used were not, by their names.
-    template_volt, scatter_volt : by role, root mean square of the template, and of single
-    references about it (most of which other resistances explain; NaN with one reference).
-    read_volt : noise of a single reading of the references. needed : whether what a circuit of
-    constants leaves of them exceeds it by `Pairing.needed_ratio`; else the case is better searched
-    alone.
+    needed : whether what a circuit of constants leaves of the references exceeds the noise of their
+    readings by `NEEDED_RATIO`; else the case is better searched alone.
     """
 
     case: object
     references: tuple
     left_out: dict
     unshared: dict
-    template_volt: dict
-    scatter_volt: dict
-    read_volt: float
     needed: bool
 
 
-def paired(case, references, pairing=None):
+def paired(case, references):
     """A case with the template of healthy cells that went through the same protocol.
 
     Each test is compared with the references that ran it alike; what none of them ran is not
@@ -256,7 +224,6 @@ def paired(case, references, pairing=None):
     Parameters
     ----------
     case : case.Case. references : dict name → case.Case of healthy cells, same settings.
-    pairing : Pairing.
 
     Returns
     -------
@@ -267,40 +234,37 @@ def paired(case, references, pairing=None):
     Refusal : no reference ran the same protocol, or too little of it; with test, row and difference
         of each.
     """
-    pairing = pairing or Pairing()
-    seconds, left_out, unshared = _same(case, references, pairing)
+    seconds, left_out, unshared = _same(case, references)
     if not seconds:
         reasons = "; ".join(f"{name}: {why}" for name, why in left_out.items())
         raise Refusal(f"no healthy reference cell ran the same protocol; {reasons}")
     shared = {name: _shared_part(references[name], times) for name, times in seconds.items()}
     states = {name: healthy_state(one) for name, one in shared.items()}
     misfits = [_misfit_volt(case, references[n], states[n], times) for n, times in seconds.items()]
-    rows = {role: np.stack([misfit[role] for misfit in misfits], axis=1) for role in ROLES}
-    stacks = {role: _with_template(getattr(case, role), rows[role]) for role in ROLES}
-    stacks = {role: _with_courses(case, stacks[role], states.values()) for role in ROLES}
-    for role, stack in stacks.items():
-        _enough(role, stack, getattr(case, role), unshared, pairing.sameness)
-    few = len(seconds) < pairing.known_from
-    material_volt = pairing.material_volt_of_few if few else pairing.material_volt
-    known = pairing.scale_std_of_few if few else pairing.scale_std
+    rows = {side: np.stack([misfit[side] for misfit in misfits], axis=1) for side in SIDES}
+    stacks = {side: _with_template(case.stack(side), rows[side]) for side in SIDES}
+    stacks = {side: _with_courses(case, stack, states.values()) for side, stack in stacks.items()}
+    for side, stack in stacks.items():
+        _enough(side, stack, case.stack(side), unshared)
+    few = len(seconds) < KNOWN_FROM
+    material_volt = MATERIAL_VOLT_OF_FEW if few else MATERIAL_VOLT
     healthy = material_volt if few else _healthy_volt(case, rows)
     gates = case.gates._replace(
         material_volt=max(case.gates.material_volt, material_volt),
         unknown_volt=float(np.hypot(case.gates.unknown_volt, healthy)),
     )
-    tolerance = case.tolerance._replace(known=known)
-    settled = {
-        "gates": gates,
-        "tolerance": tolerance,
-        "healthy": _healthy_effects(case, states.values()),
-    }
-    with_template = case._replace(**stacks, **settled, otherwise=None)
-    sizes = {role: rms(stacks[role].template_volt) for role in ROLES}
-    spread = {role: _scatter_volt(rows[role]) for role in ROLES}
-    read = _read_volt(case, rows["fit"])
+    with_template = case._replace(
+        **stacks,
+        gates=gates,
+        tolerance=case.tolerance._replace(known=SCALE_STD_OF_FEW if few else SCALE_STD),
+        healthy=_healthy_effects(case, states.values()),
+        otherwise=None,
+    )
+    steady = {"steady_ampere": case.steady_ampere}
+    read = rms([read_volt(np.nan_to_num(one), case.fit, **steady) for one in rows["fit"].T])
     constant = [healthy_state(one, ()) for one in shared.values()]
-    needed = rms([one.worst_volt for one in constant]) >= np.hypot(1.0, pairing.needed_ratio) * read
-    return Paired(with_template, tuple(seconds), left_out, unshared, sizes, spread, read, needed)
+    needed = rms([one.worst_volt for one in constant]) >= np.hypot(1.0, NEEDED_RATIO) * read
+    return Paired(with_template, tuple(seconds), left_out, unshared, needed)
 
 
 def _with_template(stack, rows):
@@ -320,25 +284,16 @@ def _with_template(stack, rows):
     return stack._replace(template_volt=template, used=stack.used & complete)
 
 
-def _counted(case):
-    """Rows that an error of the search counts, by role: none on a steep end of the OCV.
-
-    There healthy cells differ by far more than elsewhere, and an effect is not looked for.
-    """
-    filters = filters_of(
-        case, FIRST, extra_volt_of(case, beginning.first_values(case.cell, case.fit))
-    )
-    return {"fit": filters.fit_rows, "validation": filters.validation_rows}
-
-
 def _healthy_volt(case, rows):
-    """What the mean of the other references, its scale free, leaves of one [V], the larger role's.
+    """What the mean of the other references, its scale free, leaves of one [V], the larger side's.
 
     By so much healthy cells differ: no more of a cell's error is unknown. rows : (n, references)
-    residuals by role [V]; those that no error counts do not count here either.
+    residuals by side [V]. Rows on a steep end of the OCV do not count: there healthy cells differ
+    by far more than elsewhere, and an effect is not looked for.
     """
-    counted = _counted(case)
-    return max(_left_of_one(rows[role][counted[role]]) for role in ROLES)
+    values = beginning.first_values(case.cell, case.fit)
+    filters = case.filters(FIRST, values)
+    return max(_left_of_one(rows[side][filters.rows_on(side)]) for side in SIDES)
 
 
 def _left_of_one(rows):
@@ -354,24 +309,18 @@ def _left_of_one(rows):
     return rms(np.concatenate(remainders))
 
 
-def _scatter_volt(rows):
-    """Root mean square of single references about their mean [V]; NaN where there is one only."""
-    several = rows[np.isfinite(rows).sum(axis=1) > 1]
-    return rms(np.nanstd(several, axis=1, ddof=1)) if len(several) else float("nan")
-
-
-def _enough(role, stack, whole, unshared, limits):
+def _enough(side, stack, whole, unshared):
     """Refuse a case of which the references share too small a part."""
     share = stack.used.sum() / max(whole.used.sum(), 1)
-    if share < limits.covered:
+    if share < COVERED:
         reasons = "; ".join(f"{name}: {why}" for name, why in unshared.items())
         raise Refusal(
-            f"the references ran {100 * share:.0f} % of the {role} rows alike; wanted "
-            f"{100 * limits.covered:.0f} %; {reasons}"
+            f"the references ran {100 * share:.0f} % of the {side} rows alike; wanted "
+            f"{100 * COVERED:.0f} %; {reasons}"
         )
 
 
-def _same(case, references, pairing):
+def _same(case, references):
     """Times in the references that ran tests alike, by name, and reasons of the others.
 
     Reasons are of two kinds: of references that share no test to fit or none that judges, and of
@@ -379,38 +328,34 @@ def _same(case, references, pairing):
     """
     seconds, left_out, unshared = {}, {}, {}
     for name, reference in references.items():
-        times, reasons = _counterparts(case, reference, pairing.sameness)
+        times, reasons = _counterparts(case, reference)
         if all(times.values()):
             seconds[name] = times
         (unshared if all(times.values()) else left_out).update({name: reasons} if reasons else {})
     return seconds, left_out, unshared
 
 
-def _counterparts(case, reference, sameness):
+def _counterparts(case, reference):
     """Time of each row within the reference's record (n,) [s], by role and test; and reasons."""
     capacity = case.cell.capacity_ampere_hour
-    seconds, reasons = {role: {} for role in ROLES}, []
-    stacks = {role: (getattr(case, role), getattr(reference, role)) for role in ROLES}
-    asked = [
-        (role, *test)
-        for role in ROLES
-        for test in zip(stacks[role][0].tests, stacks[role][0].kinds, strict=True)
-    ]
-    for role, test, kind in asked:
-        try:
-            parts = [part(stack, test, kind, capacity) for stack in stacks[role]]
-            seconds[role][test] = counterpart_second(*parts, sameness)
-        except Refusal as reason:
-            reasons.append(str(reason))
+    seconds, reasons = {side: {} for side in SIDES}, []
+    for side in SIDES:
+        stacks = case.stack(side), reference.stack(side)
+        for test, kind in zip(stacks[0].tests, stacks[0].kinds, strict=True):
+            try:
+                parts = [part(stack, test, kind, capacity) for stack in stacks]
+                seconds[side][test] = counterpart_second(*parts)
+            except Refusal as reason:
+                reasons.append(str(reason))
     return seconds, "; ".join(reasons)
 
 
 def _shared_part(reference, seconds):
     """A reference without the tests that the case has not: they are not fitted either."""
-    for role in ROLES:
-        stack = getattr(reference, role)
-        shared = np.isin(np.array(stack.tests)[stack.file], list(seconds[role]))
-        reference = reference._replace(**{role: stack._replace(used=stack.used & shared)})
+    for side in SIDES:
+        stack = reference.stack(side)
+        shared = np.isin(np.array(stack.tests)[stack.file], list(seconds[side]))
+        reference = reference._replace(**{side: stack._replace(used=stack.used & shared)})
     return reference
 
 
@@ -419,14 +364,15 @@ def _misfit_volt(case, reference, state, seconds):
 
     NaN in tests that they do not share.
     """
-    residual = {"fit": state.solution.residual, "validation": state.validation}
     misfit = {}
-    for role in ROLES:
-        whole = getattr(case, role)
-        misfit[role] = np.full(len(whole.file), np.nan)
-        for test, second in seconds[role].items():
-            volt = _at_times(getattr(reference, role), residual[role], test, second)
-            misfit[role][whole.file == whole.tests.index(test)] = volt
+    for side in SIDES:
+        whole, stack, residual = case.stack(side), reference.stack(side), state.residual_on(side)
+        misfit[side] = np.full(len(whole.file), np.nan)
+        for test, second in seconds[side].items():
+            rows = stack.file == stack.tests.index(test)
+            volt = np.interp(np.nan_to_num(second), stack.second[rows], residual[rows])
+            volt = np.where(np.isfinite(second), volt, np.nan)
+            misfit[side][whole.file == whole.tests.index(test)] = volt
     return misfit
 
 
@@ -472,7 +418,7 @@ def _healthy_effects(case, states):
 
 def _temperatures(stack):
     """Temperatures of records, of those less than `APART_KELVIN` apart the lowest (t,) [degC]."""
-    means = np.sort(np.bincount(stack.file, stack.celsius) / np.bincount(stack.file))
+    means = np.sort(stack.mean_celsius)
     return means[np.diff(means, prepend=-np.inf) > APART_KELVIN]
 
 
@@ -499,22 +445,9 @@ def healthy_state(case, courses=None):
     values, free = unfitted(case)
     for effect in effects:
         values |= neutral(effect)
-    filters = filters_of(case, FIRST, extra_volt_of(case, values))
+    filters = case.filters(FIRST, values)
     fitted = tuple(parameter for parameter in free if parameter.name.startswith(FITTED))
     fitted = (*fitted, *(parameter for effect in effects for parameter in frees_of(effect)))
-    problem = problem_of(case, effects, free, filters)
+    problem = case.problem(effects, free, filters)
     solution = fit(problem._replace(free=fitted, coupling=None), values)
-    return state_of(case, effects, solution, filters)
-
-
-def _read_volt(case, residuals):
-    """Noise of a single reading of the references, root mean square over them [V]."""
-    steady = STEADY_C_RATE * case.cell.capacity_ampere_hour
-    return rms([read_volt(np.nan_to_num(r), case.fit, steady_ampere=steady) for r in residuals.T])
-
-
-def _at_times(stack, residual, test, second):
-    """Residual of a test at other times, straight between rows; NaN where the time is NaN."""
-    rows = stack.file == stack.tests.index(test)
-    volt = np.interp(np.nan_to_num(second), stack.second[rows], residual[rows])
-    return np.where(np.isfinite(second), volt, np.nan)
+    return case.state(effects, solution, filters)

@@ -16,7 +16,7 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.effects.base import OCV_KNOTS, STAGES, kept_response
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.overpotential import DIFFUSION_KINDS
-from cellwright.effects.library.quantities import MIDDLE_SOC, plain_fields, rows_at
+from cellwright.effects.library.quantities import MIDDLE_SOC, fields_at
 from cellwright.effects.library.thermal import BESIDE, ENERGY, WARMED
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -108,18 +108,12 @@ def _over_soc(branch):
     )
 
 
-def _with_effects(effects, *, soc, celsius, current, ampere_hour):
+def _with_effects(effects, *, ampere_hour, **conditions):
     """Fields of a cell of one ohm in each resistance, its effects on them: base.Fields, (n,)."""
-    capacity = {"capacity_ampere_hour": ampere_hour}
-    fields = plain_fields(capacity, soc=soc, celsius=celsius, current=current)
-    rows = rows_at(fields.current, fields.celsius)
-    for effect, p in ((LIBRARY[key], p) for key, p in effects):
-        if effect.stage == "diffusion":  # it is not over at once: the group steps its lags
-            continue
-        fields = effect.act(fields, rows, p)
-        if effect.stage != "overpotential":  # kinetics follow from R0, which is known by then
-            fields = fields._replace(ohmic=fields.r0 * fields.current)
-    return fields
+    known = ((LIBRARY[key], p) for key, p in effects)
+    # Diffusion is not over at once: the group steps its lags.
+    acting = [(effect, p) for effect, p in known if effect.stage != "diffusion"]
+    return fields_at({"capacity_ampere_hour": ampere_hour}, acting, **conditions)
 
 
 def _ohms(fields):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.effects.columns import frees_of
-from cellwright.effects.floor import Floor, excess_volt
+from cellwright.effects.floor import floor_of
 from cellwright.effects.groups.known import GroupGates, Shared, Spread
 from cellwright.effects.groups.model import (
     at_branch,
@@ -19,15 +19,11 @@ from cellwright.effects.groups.model import (
     group_names,
     group_run,
 )
-from cellwright.effects.judge import FAR_STDS, READ_VOLT
-from cellwright.effects.score import blocks_of, rms_of_blocks
+from cellwright.effects.judge import READ_VOLT, Unsure, first_rest
+from cellwright.effects.score import blocks_of
 from cellwright.effects.state import State
 from cellwright.numerics import noise
-from cellwright.numerics.least_squares import (
-    Problem,
-    derivatives,
-    inverse,
-)
+from cellwright.numerics.least_squares import Problem
 from cellwright.numerics.statistics import rms, robust_std
 from cellwright.records.conditions import low_current
 
@@ -59,6 +55,10 @@ class GroupFilters(NamedTuple):
     fit: Channels
     validation: Channels
     blocks: object
+
+    def rows_on(self, side):
+        """All rows of a side count."""
+        return True
 
 
 class GroupCase(NamedTuple):
@@ -108,33 +108,43 @@ class GroupCase(NamedTuple):
     def problem(self, effects, free, filters):
         """The fit of a healthy group and some effects to the records of role fit."""
         return Problem(
-            lambda values: predicted(self, self.fit, values, effects),
+            lambda values: self.predict("fit", values, effects),
             rows_of(self, self.fit),
             filters.fit.apply,
             free,
             group_coupling(free, self.cells, self.spread, self.shared),
         )
 
-    def predict(self, side, values, effects):
-        """Rows of `rows_of` of a side, "fit" or "validation", by the model (m,) [V, A]."""
-        return predicted(self, self.fit if side == "fit" else self.validation, values, effects)
+    def stack(self, side):
+        """Records of a side, "fit" or "validation"."""
+        return self.fit if side == "fit" else self.validation
 
-    def without_starts(self, columns, state, filters):
-        """Whitened columns (m, k) of the records that judge, less what moves with the group's SoC
-        at their starts."""
-        stack, values = self.validation, state.values
-        starts = [f"soc0[{k}]" for k in range(len(stack.first))]
+    def predict(self, side, values, effects):
+        """Rows of `rows_of` of a side by the model (m,) [V, A]."""
+        run = run_of(self, self.stack(side), values, effects)
+        if not self.sensors:
+            return run.voltage
+        return np.concatenate([run.voltage, run.current.T.ravel()])
+
+    def unsure(self, values, effects, prediction):
+        """What is unsure of the records that judge, the group's SoC at their starts: Unsure."""
+        starts = [f"soc0[{k}]" for k in range(len(self.validation.first))]
         moved = values | {name: values[name] + SOC_STEP for name in starts}
-        change = self.predict("validation", moved, state.effects)
-        change = change - self.predict("validation", values, state.effects)
-        white, files = filters.validation.apply(change / SOC_STEP), self.files_of(stack)
-        columns = columns.copy()
-        for k in range(len(starts)):
-            rows = files == k
-            mine = white[rows]
-            share = (mine @ columns[rows]) / (mine @ mine + self.shared.soc**-2.0)
-            columns[rows] -= np.outer(mine, share)
-        return columns
+        change = (self.predict("validation", moved, effects) - prediction) / SOC_STEP
+        stds = np.full((len(starts), 1), self.shared.soc)
+        # Of several channels, one after the other.
+        file = np.tile(self.validation.file, 1 + len(self.cells) * self.sensors)
+        return Unsure(change[:, None], stds, file, frozenset(range(len(starts))))
+
+    def in_volt(self, rows):
+        """Rows of `rows_of` by whose size errors are told, as voltages of channels (c, n) [V].
+
+        The branch currents times their cells' ohmic resistance; the voltage, where none were
+        logged.
+        """
+        if not self.sensors:
+            return rows[None]
+        return rows.reshape(1 + len(self.cells), -1)[1:] * ohms(self)[:, None]
 
     def filters_for(self, residual, filters, first):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
@@ -143,37 +153,18 @@ class GroupCase(NamedTuple):
     def state(self, effects, solution, filters):
         """State of a fitted model: its errors on the records that judge, starts profiled out."""
         values = _started(self, solution.values, effects)
-        volts = predicted(self, self.validation, values, effects)
-        error = rows_of(self, self.validation) - volts
-        error = error - _start_errors(self, values, effects, volts, error, filters)
+        volts = self.predict("validation", values, effects)
+        unsure, error = self.unsure(values, effects, volts), rows_of(self, self.validation) - volts
+        error = error - unsure.change_by(unsure.errors_in(error, filters.validation))
         white = filters.validation.apply(error)
-        sizes = error_volt(self, solution.residual), error_volt(self, error)
+        sizes = (rms(self.in_volt(one)) for one in (solution.residual, error))
         return State(effects, solution, values, error, white, *sizes)
 
-    def files_of(self, stack):
-        """Number of the record of each row of `rows_of` (m,)."""
-        return np.tile(stack.file, 1 + len(self.cells) * self.sensors)
-
     def floor(self, state, free, residual, filters):
-        """Error that readings and the spread of healthy cells leave: floor.Floor.
-
-        In the measure of `error_volt`, of the model without effects.
-        """
-        return _floor(self, state, free, filters)
-
-    def excess(self, state, floor, filters):
-        """Error beyond the floor by side, each block once, in the measure of `error_volt`: dict."""
-        blocks = filters.blocks
-        sides = {
-            "fit": (state.solution.residual, blocks.fitted, ~blocks.judges),
-            "validation": (state.validation, blocks.judging, blocks.judges),
-        }
-        found = {}
-        for side, (residual, block, chosen) in sides.items():
-            volts = currents_volt(self, residual)
-            whole = rms_of_blocks(volts.ravel(), block[-volts.size :], chosen)
-            found[side] = excess_volt(whole, getattr(floor, f"{side}_volt"))
-        return found
+        """Error that readings and the spread of healthy cells leave: floor.Floor."""
+        reads = [channel.white_volt for channel in filters.noise]
+        read_volt = reads[1:] * ohms(self) if self.sensors else reads
+        return floor_of(self, state, free, True, read_volt)
 
     def denied(self, state):
         """No keys: no measurement outside the fit contradicts an effect of a branch."""
@@ -185,24 +176,17 @@ class GroupCase(NamedTuple):
 
 
 def _filters(case, noises):
-    both = [
-        Channels(tuple(noise.whitening(channel, stack) for channel in noises))
-        for stack in (case.fit, case.validation)
-    ]
-    sides = [
-        (stack.file, _counted_soc(case, stack), np.ones(len(stack.file), bool))
-        for stack in (case.fit, case.validation)
-    ]
-    return GroupFilters(tuple(noises), *both, blocks_of(*sides, channels=len(noises)))
-
-
-def _counted_soc(case, stack):
-    """SoC of the group by counting its total current from the stated starts (n,) [1]."""
+    whitened, sides = [], []
     rating = sum(cell.capacity_ampere_hour for cell in case.cells)
-    before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
-    moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
-    starts = np.mean(stack.soc_at_start, axis=1)
-    return (starts - moved[stack.first])[stack.file] + moved
+    for stack in (case.fit, case.validation):
+        whitened.append(Channels(tuple(noise.whitening(channel, stack) for channel in noises)))
+        # SoC of the group by counting its total current from the stated starts.
+        before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
+        moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
+        starts = np.mean(stack.soc_at_start, axis=1)
+        soc = (starts - moved[stack.first])[stack.file] + moved
+        sides.append((stack.file, soc, np.ones(len(stack.file), bool)))
+    return GroupFilters(tuple(noises), *whitened, blocks_of(*sides, channels=len(noises)))
 
 
 def rows_of(case, stack):
@@ -217,65 +201,9 @@ def run_of(case, stack, values, effects):
     return group_run(group_fields(case.cells, stack.soc_at_start, values, effects), stack)
 
 
-def predicted(case, stack, values, effects):
-    """Rows of `rows_of` by the model (m,) [V, A]."""
-    run = run_of(case, stack, values, effects)
-    if not case.sensors:
-        return run.voltage
-    return np.concatenate([run.voltage, run.current.T.ravel()])
-
-
 def ohms(case):
     """Ohmic resistance of each cell before the search (b,) [ohm]."""
     return np.array([cell.r_ohm[0] for cell in case.cells])
-
-
-def error_volt(case, residual):
-    """Size of a residual as a voltage, root mean square [V].
-
-    Of the branch currents times their cells' ohmic resistance; of the voltage, where no branch
-    currents were logged.
-    """
-    return rms(currents_volt(case, residual))
-
-
-def currents_volt(case, rows):
-    """Rows of `rows_of` that `error_volt` measures, as voltages of channels one by one (c, n) [V].
-
-    The branch currents times their cells' ohmic resistance; the voltage, where none were logged.
-    """
-    if not case.sensors:
-        return rows[None]
-    return rows.reshape(1 + len(case.cells), -1)[1:] * ohms(case)[:, None]
-
-
-def _floor(case, state, free, filters):
-    """Noise of the readings, and what the spread of healthy cells may leave on other records.
-
-    Branches are known to within their posterior: the declared spread about their own tests or
-    their type's, narrowed by the records fitted. Through the sensitivities of the records that
-    judge, this is an error that no effect of a branch has made.
-    """
-    stack, solution = case.validation, state.solution
-    shared = tuple(f for f in free if not f.name.startswith("soc0["))
-    at = predicted(case, stack, state.values, state.effects)
-    judging = Problem(
-        lambda values: predicted(case, stack, values, state.effects),
-        *(rows_of(case, stack), filters.validation.apply, shared),
-    )
-    columns = derivatives(judging, state.values, at)
-    place = [solution.names.index(f.name) for f in shared]
-    covariance = inverse(solution.precision)[np.ix_(place, place)]
-    variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
-    spread_volt = currents_volt(case, np.sqrt(np.maximum(variance, 0.0)))
-    reads = filters.noise[1:] if case.sensors else filters.noise[:1]
-    ohm = ohms(case) if case.sensors else np.ones(1)
-    read_volt = np.array([channel.white_volt for channel in reads]) * ohm
-    squares = np.mean(spread_volt**2 + read_volt[:, None] ** 2, axis=0)
-    by_test = {
-        test: float(np.sqrt(squares[stack.file == k].mean())) for k, test in enumerate(stack.tests)
-    }
-    return Floor(rms(read_volt), float(np.sqrt(squares.mean())), by_test)
 
 
 def noises_of(case, residual, earlier=None):
@@ -303,13 +231,13 @@ def _noise_of(residual, stack, most_slow):
     step = np.diff(residual)[stack.fresh[1:] == 0]
     white = max(robust_std(step) / np.sqrt(2), noise.SMALLEST_VOLT)
     slow = min(np.sqrt(max(np.mean(residual**2) - white**2, 0.0)), most_slow)
+
+    def minus_log_likelihood(spread):
+        whitening = noise.whitening(spread, stack)
+        return whitening.log_variance + float(np.sum(whitening.apply(residual) ** 2))
+
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
-    return min(tried, key=lambda spread: _minus_log_likelihood(spread, residual, stack))
-
-
-def _minus_log_likelihood(spread, residual, stack):
-    whitening = noise.whitening(spread, stack)
-    return whitening.log_variance + float(np.sum(whitening.apply(residual) ** 2))
+    return min(tried, key=minus_log_likelihood)
 
 
 def _started(case, values, effects):
@@ -322,27 +250,10 @@ def _started(case, values, effects):
         error = stack.voltage_volt - run_of(case, stack, values, effects).voltage
         shifts = {}
         for k in range(len(stack.first)):
-            rows = np.flatnonzero(stack.file == k)
-            rest = rows[: int(np.argmax(loaded[rows])) if loaded[rows].any() else len(rows)]
+            rest = first_rest(stack, k, loaded)
             shifts[f"soc0[{k}]"] = _shift(case, stated[k], values[f"soc0[{k}]"], error[rest])
         values = values | shifts
     return values
-
-
-def _start_errors(case, values, effects, prediction, error, filters):
-    """Errors of the group's SoC at the starts that explain most of an error, within what is unsure.
-
-    Returns the change of the prediction (m,) by them; see `judge.tolerated`.
-    """
-    stack = case.validation
-    starts = [f"soc0[{k}]" for k in range(len(stack.first))]
-    moved = values | {name: values[name] + SOC_STEP for name in starts}
-    change = predicted(case, stack, moved, effects) - prediction
-    change /= SOC_STEP
-    white, error = filters.validation.apply(np.stack([change, error], axis=1)).T
-    files = case.files_of(stack)
-    square, shared = np.bincount(files, white**2), np.bincount(files, white * error)
-    return change * _shift_within(square, shared, case.shared.soc)[files]
 
 
 def _shift(case, stated, shift, error):
@@ -355,15 +266,3 @@ def _shift(case, stated, shift, error):
     by_sheet = case.shared.soc**-2.0
     by_rest = slope**2 / (READ_VOLT**2 / len(error) + case.spread.type_ocv_volt**2)
     return float((shift + error.mean() / slope) * by_rest / (by_sheet + by_rest))
-
-
-def _shift_within(square, shared, std):
-    """Most likely shift of a start within `FAR_STDS` deviations.
-
-    Parameters
-    ----------
-    square, shared : products of the whitened change by the shift with itself, and with the error.
-    std : of the prior; all of one shape. Returns an array of that shape.
-    """
-    precision = square + std**-2.0
-    return np.clip(shared / precision, -FAR_STDS * std, FAR_STDS * std)

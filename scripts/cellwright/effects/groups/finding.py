@@ -6,24 +6,19 @@ import numpy as np
 
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.branch import branch_of, smooth_ocv
-from cellwright.effects.groups.case import (
-    GroupCase,
-    error_volt,
-    predicted,
-    rows_of,
-    run_of,
-)
-from cellwright.effects.groups.known import GroupGates, Shared, Spread
+from cellwright.effects.groups.case import GroupCase, rows_of, run_of
 from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
-from cellwright.effects.records import group_stacked, parts_of
+from cellwright.effects.records import group_stacked, parts_of, two_temperatures
 from cellwright.effects.search import search
+from cellwright.effects.state import SIDES
 from cellwright.effects.story.messages import say
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted
 from cellwright.effects.story.words import paragraph
 from cellwright.effects.verdict import outcome, verdict_of
 from cellwright.numerics.least_squares import covariances
+from cellwright.numerics.statistics import rms
 from cellwright.records import inputs
 from cellwright.records.conditions import at_rest_in_record, low_current
 from cellwright.records.record import group_record
@@ -32,8 +27,6 @@ from cellwright.refusal import Refusal
 
 FIRST_ROWS = 3
 LEAST_TESTS = 3  # of role fit, where none is for proof: every third one then judges
-SECTIONS = {"spread": Spread, "shared": Shared, "gates": GroupGates}
-KELVIN = 5.0  # between records; below it they are at one temperature
 PARTS = 3
 
 
@@ -43,7 +36,6 @@ def group_finding(
     records,
     *,
     initial_soc=None,
-    settings=None,
     hold="zero_order",
     library=GROUP_LIBRARY,
 ):
@@ -55,8 +47,6 @@ def group_finding(
     records : sequence of (role, Record of a group), role "fit" or "validation".
     initial_soc : (b,) stated SoC at the start of every record that states none of its own [1], or
         None: all alike, from the voltage of the first rows.
-    settings : dict of tuples by name: "spread" (Spread), "shared" (Shared), "gates" (GroupGates);
-        the others are at their defaults.
     hold : of the total current between rows, see `group_stacked`. library : dict of Effect by id.
 
     Returns
@@ -68,9 +58,11 @@ def group_finding(
     Refusal : no record to fit or none that judges; a record without a stated SoC that begins under
         load; see `group_stacked`.
     """
-    case = _case(cells, records, initial_soc, settings or {}, hold)
+    case = _case(cells, records, initial_soc, hold)
     found = search(case, library)
-    fitted = _fitted(found)
+    solution, parts = found.last.solution, parts_of(case.fit)
+    channels = len(solution.whitened) // len(parts)
+    fitted = Fitted(solution.names, covariances(solution, np.tile(parts, channels)))
     result = outcome(found, fitted)
     verdict = group_verdict(group, found, result, fitted.stds, library)
     kept = found.last if verdict["verdict"] in KEPT else found.first
@@ -82,7 +74,7 @@ def group_finding(
     )
 
 
-def _case(cells, records, initial_soc, settings, hold):
+def _case(cells, records, initial_soc, hold):
     tables = [len(cell.ocv_volt) for cell in cells]
     if len(set(tables)) > 1:
         raise Refusal(f"OCV tables of one length were wanted for all branches, not {tables}")
@@ -97,8 +89,7 @@ def _case(cells, records, initial_soc, settings, hold):
         stacks.append(stack._replace(soc_at_start=np.array(starts)))
     if any(stack.branch_current_ampere is None for stack in stacks):
         stacks = [stack._replace(branch_current_ampere=None) for stack in stacks]
-    defaults = {"spread": Spread(), "shared": Shared(), "gates": GroupGates()}
-    return GroupCase(cells, *stacks, **{k: settings.get(k, v) for k, v in defaults.items()})
+    return GroupCase(cells, *stacks)
 
 
 def _stated(cells, record, initial_soc):
@@ -116,49 +107,36 @@ def _stated(cells, record, initial_soc):
     return np.full(len(cells), soc)
 
 
-def _fitted(found):
-    """How sure the parameters of the last model are."""
-    solution, parts = found.last.solution, parts_of(found.case.fit)
-    channels = len(solution.whitened) // len(parts)
-    return Fitted(solution.names, covariances(solution, np.tile(parts, channels)))
-
-
 def _series(case, *ends):
     """Columns of all records: what was measured, and both models (healthy, with effects)."""
     columns = {}
-    for role, stack in (("fit", case.fit), ("validation", case.validation)):
-        runs = []
-        for state in ends:
-            values = state.solution.values if role == "fit" else state.values
-            runs.append(run_of(case, stack, values, state.effects))
-        for name, column in _columns(role, stack, runs, case.cells).items():
+    capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
+    for side in SIDES:
+        stack = case.stack(side)
+        before, after = (
+            run_of(case, stack, state.values_on(side), state.effects) for state in ends
+        )
+        of_side = {
+            "role": np.full(len(stack.file), side),
+            "test": np.array(stack.tests)[stack.file],
+            "test_time_second": stack.second,
+            "current_ampere": stack.current_ampere,
+            "celsius": stack.celsius,
+            "soc": after.soc @ (capacity / capacity.sum()),
+            "used": np.ones(len(stack.file), bool),
+            "voltage_volt": stack.voltage_volt,
+            "before_volt": before.voltage,
+            "after_volt": after.voltage,
+        }
+        for b in range(len(case.cells)):
+            if stack.branch_current_ampere is not None:
+                of_side[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
+            of_side[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
+            of_side[f"after_branch_{b + 1}_current_ampere"] = after.current[:, b]
+            of_side[f"soc_branch_{b + 1}"] = after.soc[:, b]
+        for name, column in of_side.items():
             columns.setdefault(name, []).append(column)
     return {name: np.concatenate(parts) for name, parts in columns.items()}
-
-
-def _columns(role, stack, runs, cells):
-    before, after = runs
-    capacity = np.array([cell.capacity_ampere_hour for cell in cells])
-    share = capacity / capacity.sum()
-    columns = {
-        "role": np.full(len(stack.file), role),
-        "test": np.array(stack.tests)[stack.file],
-        "test_time_second": stack.second,
-        "current_ampere": stack.current_ampere,
-        "celsius": stack.celsius,
-        "soc": after.soc @ share,
-        "used": np.ones(len(stack.file), bool),
-        "voltage_volt": stack.voltage_volt,
-        "before_volt": before.voltage,
-        "after_volt": after.voltage,
-    }
-    for b in range(len(cells)):
-        if stack.branch_current_ampere is not None:
-            columns[f"branch_{b + 1}_current_ampere"] = stack.branch_current_ampere[:, b]
-        columns[f"before_branch_{b + 1}_current_ampere"] = before.current[:, b]
-        columns[f"after_branch_{b + 1}_current_ampere"] = after.current[:, b]
-        columns[f"soc_branch_{b + 1}"] = after.soc[:, b]
-    return columns
 
 
 class KnownCell(NamedTuple):
@@ -201,11 +179,10 @@ def missing_group_effect(group, branches, known_cells, tests):
             if record.branch_current_ampere is None
         ]
         records += [(role, record) for record in averaged_to(made)]
-    chosen = {name: kind() for name, kind in SECTIONS.items()}
     # ASSUME: A group's current was logged as its cells' were: between two rows it is held, or
     # moves on a straight line, as in the model of the first cell.
     hold = models[0].model["hold"]
-    finding = group_finding(group, cells, records, settings=chosen, hold=hold)
+    finding = group_finding(group, cells, records, hold=hold)
     return finding._replace(notes=(*notes, *finding.notes)).result()
 
 
@@ -296,13 +273,10 @@ def group_verdict(group, found, result, deviations, library):
 def _without(case, state, names):
     """Errors of a model on both kinds of records with some of its effects taken out [V]."""
     errors = {}
-    for role, stack, values in (
-        ("fit", case.fit, state.solution.values),
-        ("validation", case.validation, state.values),
-    ):
-        absent = values | dict.fromkeys(names, 0.0)
-        without = predicted(case, stack, absent, state.effects)
-        errors[role] = error_volt(case, rows_of(case, stack) - without)
+    for side in SIDES:
+        absent = state.values_on(side) | dict.fromkeys(names, 0.0)
+        without = case.predict(side, absent, state.effects)
+        errors[side] = rms(case.in_volt(rows_of(case, case.stack(side)) - without))
     return errors
 
 
@@ -326,15 +300,9 @@ def _alternatives(found, one):
     names = {found.possible[key].id for key in one.tied}
     if not found.case.sensors:
         names |= {effect.id for effect in found.possible.values()}
-    if not _two_temperatures(found.case):
+    if not two_temperatures(found.case.fit):
         names |= {tie.partner for tie in one.effect.ties if tie.one_temperature}
     return sorted(names - {chosen})
-
-
-def _two_temperatures(case):
-    stack = case.fit
-    means = [stack.celsius[stack.file == k].mean() for k in range(len(stack.first))]
-    return np.ptp(means) >= KELVIN
 
 
 def _next_test(found, names, library):
@@ -347,7 +315,7 @@ def _next_test(found, names, library):
     chosen, others = tied.effect.id, _alternatives(found, tied)
     pairs = [(tie, {name, tie.partner}) for name in (chosen, *others) for tie in library[name].ties]
     warm = [tie.check for tie, pair in pairs if tie.one_temperature and pair <= {chosen, *others}]
-    if warm and not _two_temperatures(found.case):
+    if warm and not two_temperatures(found.case.fit):
         return say("next.group", tests=warm[0])
     shows = (library[chosen].shows, library[others[0]].shows)
     return say("next.group", tests=say("next.and_test").join(dict.fromkeys(shows)))
@@ -355,32 +323,26 @@ def _next_test(found, names, library):
 
 def _located(case, state):
     """Third of a validation record, and branch, with most of the squared residual."""
-    stack, channels = case.validation, 1 + len(case.cells) if case.sensors else 1
-    squares = np.square(state.validation.reshape(channels, -1))
-    ohm = [1.0] if not case.sensors else [0.0, *(cell.r_ohm[0] for cell in case.cells)]
-    squares = squares * np.square(ohm)[:, None]
+    stack = case.validation
+    squares = np.square(case.in_volt(state.validation))
     places = [
-        (float(squares[b, rows].sum()), stack.tests[k], b, rows)
+        (float(squares[b, rows].sum()), k, b, rows)
         for k in range(len(stack.first))
         for rows in np.array_split(np.flatnonzero(stack.file == k), PARTS)
-        for b in range(channels)
+        for b in range(len(squares))
     ]
-    most, test, branch, rows = max(places, key=lambda place: place[0])
+    most, record, b, rows = max(places, key=lambda place: place[0])
     soc = run_of(case, stack, state.values, state.effects).soc[rows]
-    soc = soc[:, branch - 1] if branch else soc.mean(axis=1)
+    soc = soc[:, b] if case.sensors else soc.mean(axis=1)
+    ampere = stack.current_ampere[rows]
+    rest = at_rest_in_record(ampere)
+    many = {"discharge": (ampere < 0) & ~rest, "charge": (ampere > 0) & ~rest, "rest": rest}
     return {
-        "file": test,
-        "branch": branch or None,
+        "file": stack.tests[record],
+        "branch": b + 1 if case.sensors else None,
         "second": [float(stack.second[rows[0]]), float(stack.second[rows[-1]])],
         "soc": [float(np.clip(end, 0.0, 1.0)) for end in (soc.min(), soc.max())],
-        "current": _current(stack.current_ampere[rows]),
+        "current": max(many, key=lambda name: many[name].sum()),
         "temperature_celsius": [float(stack.celsius[rows].mean())],
         "share": most / max(float(squares.sum()), 1e-30),
     }
-
-
-def _current(ampere):
-    """Direction of the current in most rows: discharge, charge or rest."""
-    rest = at_rest_in_record(ampere)
-    many = {"discharge": (ampere < 0) & ~rest, "charge": (ampere > 0) & ~rest, "rest": rest}
-    return max(many, key=lambda name: many[name].sum())

@@ -30,7 +30,7 @@ FINE_KNOTS = 41  # of the error that the OCVs of all branches share
 
 
 class GroupFields(NamedTuple):
-    """Quantities of a group that is simulated, which effects of its branches change.
+    """Quantities of a group that is simulated.
 
     cells : tuple of Branch, for what nothing changes. capacity : (b,) [Ah]. ocv : (b, p) [V].
     r : (b, 1 + LAGS) ohmic, of both pairs, and of the lags of slow diffusion [ohm]. tau : (b, LAGS)
@@ -65,19 +65,28 @@ class GroupRun(NamedTuple):
     soc: np.ndarray
 
 
+OHM, TIME = ("resistance", 5e-3), ("time_constant", 0.02)
 LOG_OHMS = ("log_r0", "log_r1", "log_r2", "log_diffusion")
-COMMON = (*LOG_OHMS, "log_tau1", "log_tau2", "capacity", "energy")
-OF_BRANCH = (
-    "capacity",
-    "log_r0",
-    "log_slow",
-    "log_tau",
-    "soc",
-    "celsius",
-    "wire",
-    "offset",
-    "gain",
-)
+# Free parameters by name: the spread of `known` that they have, and a step for derivatives. Those
+# that all branches have in common, and those of each.
+COMMON = {
+    **dict.fromkeys(LOG_OHMS, OHM),
+    **dict.fromkeys(("log_tau1", "log_tau2"), TIME),
+    "capacity": ("capacity", 5e-3),
+    "energy": ("activation_joule_per_mole", 500.0),
+}
+OF_BRANCH = {
+    "capacity": ("capacity", 5e-3),
+    "log_r0": OHM,
+    "log_slow": OHM,
+    "log_tau": TIME,
+    "soc": ("soc", 1e-3),
+    "celsius": ("celsius", 0.2),
+    "wire": ("wire_ohm", 1e-4),
+    "offset": ("current_offset_c_rate", 1e-3),
+    "gain": ("current_gain", 1e-3),
+}
+OF_SENSOR = ("offset", "gain")
 
 
 def group_names(files, branches):
@@ -86,6 +95,21 @@ def group_names(files, branches):
     of_branch = [*OF_BRANCH, *(f"ocv[{k}]" for k in range(OCV_KNOTS))]
     common += [f"fine[{k}]" for k in range(FINE_KNOTS)]
     return (*common, *(f"{b}.{name}" for b in range(branches) for name in of_branch))
+
+
+def _with_effects(values, effects):
+    """Values of a group whose branches have effects: these go on top of what they replace."""
+    values = dict(values)
+    for effect in effects:
+        ((parameter, size),) = effect.sizes_of(values).items()
+        for name in (f"{effect.position}.{replaced}" for replaced in effect.replaces):
+            if ".log_" in name:
+                values[name] += np.log1p(size)
+            elif parameter.endswith("relative"):
+                values[name] += size * (1.0 + values[name])
+            else:
+                values[name] += size
+    return values
 
 
 def group_fields(cells, soc_at_start, values, effects=()):
@@ -101,7 +125,7 @@ def group_fields(cells, soc_at_start, values, effects=()):
     -------
     fields : GroupFields.
     """
-    branches = range(len(cells))
+    branches, values = range(len(cells)), _with_effects(values, effects)
 
     def of_branch(name):
         return np.array([values[f"{b}.{name}"] for b in branches])
@@ -120,7 +144,7 @@ def group_fields(cells, soc_at_start, values, effects=()):
         )
     capacity = np.array([c.capacity_ampere_hour for c in cells])
     shift = np.array([values[f"soc0[{k}]"] for k in range(len(soc_at_start))])
-    fields = GroupFields(
+    return GroupFields(
         cells=cells,
         capacity=capacity * (1.0 + values["capacity"]) * (1.0 + of_branch("capacity")),
         ocv=np.array([c.ocv_volt for c in cells]) + _ocv_errors(cells, values),
@@ -133,9 +157,6 @@ def group_fields(cells, soc_at_start, values, effects=()):
         offset=of_branch("offset"),
         gain=of_branch("gain"),
     )
-    for effect in effects:
-        fields = effect.act(fields, None, effect.sizes_of(values) | {"branch": effect.position})
-    return fields
 
 
 def _ocv_errors(cells, values):
@@ -257,18 +278,7 @@ def _looked_up(fields, tables, row, soc, volts, leads):
     return ohms, source + np.where(leads, 0.0, slowest), np.maximum(slope, 0.0)
 
 
-LOG_STEP, SOC_STEP, VOLT_STEP = 5e-3, 1e-3, 1e-3
-STEPS = {
-    "log_r0": LOG_STEP,
-    "log_slow": LOG_STEP,
-    "log_tau": 4 * LOG_STEP,
-    "capacity": LOG_STEP,
-    "soc": SOC_STEP,
-    "celsius": 0.2,
-    "wire": 1e-4,
-    "offset": 1e-3,
-    "gain": 1e-3,
-}
+VOLT_STEP = 1e-3
 OWN_KNOT = 0.1
 TABLES = ("ocv_volt", "courses")  # of a Branch, arrays
 
@@ -286,60 +296,40 @@ def group_frees(cells, files, spread, shared, *, sensors):
     -------
     free : tuple of least_squares.Free. Without branch currents their sensors are not among them.
     """
-    far = spread.widest
-    free = _common_frees(cells, shared, far)
-    free += [_bounded(f"soc0[{k}]", SOC_STEP, shared.soc, far) for k in range(files)]
-    free += _knots("fine", FINE_KNOTS, shared.ocv_volt, far)
-    for b, cell in enumerate(cells):
-        free += _of_branch(b, cell, spread, sensors)
-        free += _knots(f"{b}.ocv", OCV_KNOTS, _ocv_volt(cell, spread), far)
-    return tuple(free)
 
+    def bounded(name, step, std):
+        far = spread.widest * std
+        return Free(name, step, 0.0, std, -far, far)
 
-def _bounded(name, step, std, far):
-    return Free(name, step, 0.0, std, -far * std, far * std)
+    def knots(name, count, volt):
+        """Free knots of an OCV error; their correlation is that of `group_coupling`."""
+        far = spread.widest * volt
+        names = [f"{name}[{k}]" for k in range(count)]
+        return [Free(name, VOLT_STEP, 0.0, np.inf, -far, far) for name in names]
 
-
-def _knots(name, count, volt, far):
-    """Free knots of an OCV error; their correlation is that of `group_coupling`."""
-    most = far * volt
-    return [Free(f"{name}[{k}]", VOLT_STEP, 0.0, np.inf, -most, most) for k in range(count)]
-
-
-def _ocv_volt(cell, spread):
-    return spread.ocv_volt if cell.own else spread.type_ocv_volt
-
-
-def _common_frees(cells, shared, far):
     tested = all(cell.own for cell in cells)
     # The activation energy of a cell never tested over temperature is not known.
     warmed = tested and all(WARMED in dict(cell.effects) for cell in cells)
-    resistance = shared.resistance if tested else shared.type_resistance
-    time = shared.time_constant if tested else shared.type_time_constant
-    energy = shared.activation_joule_per_mole if warmed else shared.type_activation_joule_per_mole
-    capacity = shared.capacity if tested else shared.type_capacity
-    return [
-        *(_bounded(name, LOG_STEP, resistance, far) for name in LOG_OHMS),
-        *(_bounded(name, 4 * LOG_STEP, time, far) for name in ("log_tau1", "log_tau2")),
-        _bounded("capacity", LOG_STEP, capacity, far),
-        _bounded("energy", 500.0, energy, far),
-    ]
+    free = []
+    for name, (known, step) in COMMON.items():
+        free.append(
+            bounded(name, step, _std(shared, known, warmed if name == "energy" else tested))
+        )
+    free += [bounded(f"soc0[{k}]", OF_BRANCH["soc"][1], shared.soc) for k in range(files)]
+    free += knots("fine", FINE_KNOTS, shared.ocv_volt)
+    for b, cell in enumerate(cells):
+        for name, (known, step) in OF_BRANCH.items():
+            if sensors or name not in OF_SENSOR:
+                of_size = cell.capacity_ampere_hour if name == "offset" else 1.0
+                free.append(bounded(f"{b}.{name}", step, _std(spread, known, cell.own) * of_size))
+        free += knots(f"{b}.ocv", OCV_KNOTS, _std(spread, "ocv_volt", cell.own))
+    return tuple(free)
 
 
-def _of_branch(b, cell, spread, sensors):
-    stds = {
-        "capacity": spread.capacity if cell.own else spread.type_capacity,
-        "log_r0": spread.resistance if cell.own else spread.type_resistance,
-        "log_slow": spread.resistance if cell.own else spread.type_resistance,
-        "log_tau": spread.time_constant if cell.own else spread.type_time_constant,
-        "soc": spread.soc,
-        "celsius": spread.celsius,
-        "wire": spread.wire_ohm,
-    }
-    if sensors:
-        stds["offset"] = spread.current_offset_c_rate * cell.capacity_ampere_hour
-        stds["gain"] = spread.current_gain
-    return [_bounded(f"{b}.{n}", STEPS[n], s, spread.widest) for n, s in stds.items()]
+def _std(known, name, own):
+    """Standard deviation out of `known.Spread` or `Shared`, of a cell's own tests or its type's."""
+    std = getattr(known, name)
+    return std if own else getattr(known, f"type_{name}", std)
 
 
 def group_coupling(free, cells, spread, shared):
@@ -351,7 +341,7 @@ def group_coupling(free, cells, spread, shared):
     shape = _smooth(OCV_KNOTS, spread.ocv_soc)
     for b, cell in enumerate(cells):
         at = [k for k, name in enumerate(names) if name.startswith(f"{b}.ocv[")]
-        precision[np.ix_(at, at)] = shape / _ocv_volt(cell, spread) ** 2
+        precision[np.ix_(at, at)] = shape / _std(spread, "ocv_volt", cell.own) ** 2
     return precision
 
 

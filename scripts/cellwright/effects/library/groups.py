@@ -1,40 +1,10 @@
 """Effects of one branch of a parallel group; `Effect.position` says which branch.
 
-`act` is (fields, stack, p) → fields on `groups.model.GroupFields`; p holds the one parameter and,
-as "branch", the number of the branch. `replaces` names the free parameters of a healthy branch that
-are held at zero while the effect is in the model.
+An effect is by how much the free parameters that it `replaces` are beyond those of a healthy
+branch: its one parameter is added to them, a share by multiplication, to a logarithm as one.
 """
 
-import numpy as np
-
 from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
-
-
-def _of_branch(name, change):
-    """Function for `Effect.act` that changes one branch of a field by change(value, size)."""
-
-    def act(fields, stack, p):
-        changed, branch = np.array(getattr(fields, name)), (..., p["branch"])
-        if name == "r":  # (b, 1 + lags); all others have the branch last
-            branch = branch[::-1]
-        (size,) = (value for parameter, value in p.items() if parameter != "branch")
-        changed[branch] = change(changed[branch], size)
-        return fields._replace(**{name: changed})
-
-    return act
-
-
-def _more(value, size):
-    return value + size
-
-
-def _times(value, size):
-    return value * (1.0 + size)
-
-
-def _gain(value, size):
-    return (1.0 + value) * (1.0 + size) - 1.0
-
 
 OTHER_TEMPERATURE = "the group's drive at a chamber temperature 20 K away"
 EFFECTS = (
@@ -48,7 +18,6 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_of_branch("wire", _more),
         replaces=("wire",),
         shows="the voltage across each connection under load",
         consequence="the branch takes less of every load and is used less",
@@ -61,7 +30,6 @@ EFFECTS = (
             Parameter("excess_soc", "1", 0.0, -0.5, 0.5, step=2e-3, plausible=0.02, material=2e-3),
         ),
         stage="counting",
-        act=_of_branch("soc", _more),
         replaces=("soc",),
         shows="the branch currents in the first minutes after joining",
         consequence="balancing currents flow while the group rests",
@@ -76,7 +44,6 @@ EFFECTS = (
             ),
         ),
         stage="counting",
-        act=_of_branch("capacity", _times),
         replaces=("capacity",),
         needs=("soc_range",),
         shows="a capacity test of the cell by itself",
@@ -92,7 +59,6 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_of_branch("r", _times),
         replaces=("log_r0", "log_slow"),
         shows="pulses on the cell by itself, or drives of the group at two temperatures",
         ties=(Tie("branch_temperature", OTHER_TEMPERATURE, one_temperature=True),),
@@ -108,7 +74,6 @@ EFFECTS = (
             ),
         ),
         stage="resistance",
-        act=_of_branch("warmer", _more),
         replaces=("celsius",),
         shows="a sensor on each cell, or drives of the group at two temperatures",
         # A hotter cell looks like a less resistive one.
@@ -125,7 +90,6 @@ EFFECTS = (
             ),
         ),
         stage="current",
-        act=_of_branch("offset", _more),
         replaces=("offset",),
         shows="the branch readings while the group is open and long at rest",
         consequence="charge counted in this branch drifts with time",
@@ -140,7 +104,6 @@ EFFECTS = (
             ),
         ),
         stage="current",
-        act=_of_branch("gain", _gain),
         replaces=("gain",),
         shows="the sum of the branch readings beside the total under load",
         consequence="the share of this branch is misread, though it carries what it should",

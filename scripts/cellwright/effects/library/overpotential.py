@@ -241,7 +241,6 @@ EFFECTS = (
             )
             for second in seconds
         ),
-        needs_restart=True,
         needs=("long_rest",),
         shows="a rest of two hours after a long load",
         slow_gap="resistance",

@@ -16,47 +16,53 @@ STEP_SECOND = 10.0  # of a record made for a rest
 EARLIER_SECOND = 600.0  # of a rest: what relaxes later is slow, as the plain model's longest tau2
 
 
-def fields_with(
-    effect,
-    p,
-    values,
-    *,
-    soc=MIDDLE_SOC,
-    celsius=REFERENCE_CELSIUS,
-    current=-1.0,
-    step=None,
-    age=None,
-):
-    """Fields of the plain model with one effect, at given conditions.
+def fields_with(effect, p, values, *, soc=MIDDLE_SOC, celsius=REFERENCE_CELSIUS, **about):
+    """Fields of the plain model with one effect, at given conditions, see `fields_at`.
 
     Parameters
     ----------
     effect : Effect or None. p : dict of its parameters by name. values : dict of the plain model.
-    soc : (n,) or scalar [1]. celsius : [degC]. current : [A]. step : time between rows [s], None:
-        rows do not hang together. age : (n,), see `records.Stack`, None: that of the model.
+    soc : (n,) or scalar [1]. celsius : [degC].
 
     Returns
     -------
     fields : base.Fields, (n,) each; `volt` is the effect's own.
     """
-    fields = plain_fields(values, soc=soc, celsius=celsius, current=current)
-    rows = rows_at(fields.current, fields.celsius, step)
-    if age is not None:  # each row is of a record of its own
-        rows = rows._replace(file=np.arange(len(fields.soc)), age=np.asarray(age, float))
-    return fields if effect is None else effect.act(fields, rows, p)
+    acting = [] if effect is None else [(effect, p)]
+    return fields_at(values, acting, soc=soc, celsius=celsius, **about)
 
 
-def plain_fields(values, *, soc, celsius, current):
-    """Fields of the plain model at given conditions, see `fields_with`."""
+def fields_at(values, acting, *, soc, celsius, current=-1.0, step=None, age=None, **columns):
+    """Fields of the plain model with some effects, at given conditions.
+
+    Parameters
+    ----------
+    values : dict of the plain model. acting : list of (Effect, its parameters by name), in order.
+    soc, celsius, current : (n,) or scalar [1], [degC], [A]. step : time between rows [s], None:
+        rows do not hang together. age : (n,), see `records.Stack`, None: that of the model.
+    columns : further fields, in the place of those of the plain model.
+
+    Returns
+    -------
+    fields : base.Fields, (n,) each; `volt` is that of the effects.
+    """
     given = np.broadcast_arrays(soc, celsius, current)
     soc, celsius, current = (np.atleast_1d(np.array(v, float)) for v in given)
     one, none = np.ones(len(soc)), np.zeros(len(soc))
     r0, r1, tau1, r2, tau2 = (float(np.exp(values.get(name, 0.0))) for name in LOGARITHMS)
     capacity = values.get("capacity_ampere_hour", 1.0)
-    return Fields(
+    fields = Fields(
         *(current, current, none, capacity * one, soc, celsius, r0 * one, r1 * one, r2 * one),
         *(tau1, tau2, (one, one), 1.0, none, r0 * current, none),
     )
+    fields, rows = fields._replace(**columns), rows_at(current, celsius, step)
+    if age is not None:  # each row is of a record of its own
+        rows = rows._replace(file=np.arange(len(soc)), age=np.asarray(age, float))
+    for effect, p in acting:
+        fields = effect.act(fields, rows, p)
+        if effect.stage != "overpotential":  # kinetics follow from R0, which is known by then
+            fields = fields._replace(ohmic=fields.r0 * fields.current)
+    return fields
 
 
 def rows_at(current, celsius, step=None):

@@ -115,7 +115,6 @@ EFFECTS = (
             for d in (0.05, 0.12, 0.25, 0.5, 1.0)
             for sign in (1.0, -1.0)
         ),
-        needs_restart=True,
         needs=("edges",),
         shows="pulses with sharp edges, sampled ten times a second",
         hold_imitates=True,

@@ -58,8 +58,7 @@ class Effect(NamedTuple):
     Equation and fit. id : of the contract. parameters : tuple of Parameter. stage : where it enters
     the model, one of `base.STAGES`. act : its equation, function (fields, stack, p) → fields, p
     being a dict of its parameters by name; see `base.Fields`. starts : tuple of dicts, parameters
-    from which it is tried. needs_restart : without it resistances and time constants converge to a
-    wrong minimum: they are estimated again together with it.
+    from which it is tried.
 
     What excites it. needs : names of `records.FACTORS` without which data cannot show it. shows :
     the test that shows it, in words. asked_if_unseen : where nothing is missing, but the records
@@ -91,14 +90,14 @@ class Effect(NamedTuple):
     charge, temperature and current: the cell keeps it in a parallel group.
 
     Of a parallel group. position : number of its branch, from 0; of a cell's effect None.
-    replaces : names of the parameters of a healthy branch whose place it takes.
+    replaces : names of the parameters of a healthy branch whose place it takes; it has no `act`.
     """
 
     id: str
     sentence: str
     parameters: tuple
     stage: str
-    act: Callable
+    act: Callable | None = None
     starts: tuple = ({},)
     needs: tuple = ()
     shows: str = ""
@@ -108,7 +107,6 @@ class Effect(NamedTuple):
     sizes_in_words: Callable | None = None
     sizes_need_model: bool = False
     assumed_relative: tuple = ()
-    needs_restart: bool = False
     ties: tuple = ()
     in_rest_log: bool | None = None
     slow_gap: str = ""

@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 
-from cellwright.effects.ties import REST_SECOND
+from cellwright.effects.ties import steady_rests
 from cellwright.effects.witnesses.statement import (
     LEAST_SHARE,
     Measured,
@@ -18,8 +18,6 @@ from cellwright.numerics.lags import lag
 from cellwright.records.conditions import (
     REFERENCE_CELSIUS,
     SAME_CELSIUS,
-    at_rest,
-    low_current,
     same_rate,
     same_temperature,
 )
@@ -170,16 +168,9 @@ def _at_rest(parts, capacity):
 
 def _rest_means(one, capacity):
     """Mean logged current of each steady stretch near zero of a record [A]."""
-    current, second = one["current_ampere"], one["test_time_second"]
-    low = low_current(current, capacity)
-    edges = np.flatnonzero(np.diff(np.r_[0, low.astype(int), 0])).reshape(-1, 2)
-    found = []
-    for begin, end in edges:
-        steady = at_rest(current[begin:end] - np.median(current[begin:end]), capacity)
-        long = second[end - 1] - second[begin] >= REST_SECOND
-        if long and np.mean(steady) > 0.95:
-            found.append(float(np.mean(current[begin:end])))
-    return found
+    current = one["current_ampere"]
+    rests = steady_rests(current, one["test_time_second"], capacity)
+    return [float(np.mean(current[begin:end])) for begin, end in rests]
 
 
 def _surface(parts, ambient, values):
