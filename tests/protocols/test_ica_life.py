@@ -6,6 +6,7 @@ from counted import NAMES
 
 from cellwright.protocols.ica.life import ica_life
 from cellwright.refusal import Refusal
+from cellwright.result import Result
 from cellwright.series.steps import Steps
 
 ROWS, CYCLES = 1500, 12
@@ -64,3 +65,9 @@ def test_a_record_without_a_complete_charge_is_refused():
     cycles["direction"] = np.full(CYCLES, "discharge")
     with pytest.raises(Refusal, match="no complete charge in the ageing record"):
         ica_life(series, steps, cycles, most=4)
+
+
+def test_it_takes_the_result_of_ageing_cycles_as_it_is():
+    series, steps, cycles = life()
+    found = ica_life(series, steps, Result({"rows": cycles}), most=2)
+    assert found.rows == ica_life(series, steps, cycles, most=2).rows

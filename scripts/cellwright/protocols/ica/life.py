@@ -23,6 +23,7 @@ def ica_life(series, steps, cycles, *, most=30):
     Raises Refusal: no complete charge, or none whose dQ/dV can be taken. Source: docs/ica.md.
     """
     record = inputs.quantities(series, inputs.COUNTED)
+    cycles = getattr(cycles, "rows", cycles)
     cycles = inputs.columns(cycles, "cycle", "direction", "start_time_second")
     steps, rows, curves, notes = inputs.steps(steps)._asdict(), [], [], []
     for cycle, part, words, rate in _charges_of_life(cycles, steps, record, most):
