@@ -86,6 +86,7 @@ def missing_effect(
     library = LIBRARY if library is None else library
     settings = _settings(settings, split_rest_second, changes)
     cell, basis, tests = _record_of(cell, basis, tests)
+    model = None if model is None else given.model(model)
     others = None
     if measurements is not None:
         rows = {name: inputs.rows(table) for name, table in measurements.items()}
@@ -101,7 +102,7 @@ def missing_effect(
     except Refusal as refusal:
         raise Refusal("; ".join([str(refusal), *note])) from None
     if model is not None:
-        base_name, case = "own", own_case(ready, given.model(model))
+        base_name, case = "own", own_case(ready, model)
     elif simulated is not None:
         base_name, case = "external", external_case(ready)
     else:
