@@ -70,15 +70,6 @@ def test_every_campaign_is_told_of_and_planned_here():
     assert folders == set(PLANNED) == set(re.findall(r"^\| `(\w+)` \|", page, re.M))
 
 
-@pytest.mark.slow
-def test_pulses_are_two_jobs_where_their_rests_are_not_asked_for(tmp_path):
-    """One job where they are, as in the default: see what is planned of that campaign."""
-    folder = copied("ocv_pulses_drive", tmp_path)
-    (folder / "config/config.yaml").write_text("relaxation:\n  kinds: [capacity]\n")
-    jobs = rules(snakemake(folder, "--dry-run", "all"))
-    assert {"pulses", "resistance", "relaxation"} & jobs == {"resistance", "relaxation"}
-
-
 # The campaign of one bad file is run whole, and what was planned of it is looked at there.
 @pytest.mark.parametrize(
     "name", slow_but("ocv_pulses_drive", sorted(set(PLANNED) - {"bad_file_only"}))

@@ -329,19 +329,6 @@ def test_a_strict_run_fails_but_writes_its_report(copy):
 
 
 @pytest.mark.slow
-def test_a_model_that_cannot_be_made_has_its_reason(copy):
-    """Without any slow test, and no rest long enough, nobody has an OCV curve."""
-    (copy / "config/config.yaml").write_text("title: Tiny\nocv:\n  rest_second: 100000\n")
-    sheet = copy / "config/tests.tsv"
-    rows = [row for row in sheet.read_text().splitlines(keepends=True) if "\tocv\t" not in row]
-    sheet.write_text("".join(rows))
-    path = "results/stages/identify/A.json"
-    run = snakemake(copy, path)
-    assert run.status == 0, run.said
-    assert artefact.read_about(copy / path)["reason"].startswith("no OCV curve")
-
-
-@pytest.mark.slow
 def test_a_group_kept_for_validation_is_never_fitted(copy):
     """Its cells have no tests of their own: they stay without a model, and the run goes on."""
     roles = {"fitted": "fit", "kept": "validation"}
