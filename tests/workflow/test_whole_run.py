@@ -329,6 +329,19 @@ def test_a_strict_run_fails_but_writes_its_report(copy):
 
 
 @pytest.mark.slow
+def test_a_model_that_cannot_be_made_has_its_reason(copy):
+    """Without a slow test or pulses only the record of its group is left, which does not tell it."""
+    sheet = copy / "config/tests.tsv"
+    lines = sheet.read_text().splitlines(keepends=True)
+    sheet.write_text("".join(row for row in lines if not {"ocv", "hppc"} & set(row.split("\t"))))
+    path = "results/models/A.json"
+    run = snakemake(copy, path)
+    assert run.status == 0, run.said
+    reason = artefact.read_about(copy / path)["reason"]
+    assert reason.startswith("the record has no charge between two rests")
+
+
+@pytest.mark.slow
 def test_a_group_kept_for_validation_is_never_fitted(copy):
     """Its cells have no tests of their own: they stay without a model, and the run goes on."""
     roles = {"fitted": "fit", "kept": "validation"}

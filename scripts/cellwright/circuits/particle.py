@@ -28,7 +28,7 @@ from cellwright.circuits.temperature import table_soc, temperature_weights
 from cellwright.native import array, count, function, real
 from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.lags import lag_weights
-from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -37,7 +37,6 @@ SHELLS = 14
 FINER_OUTSIDE = 1.6  # power that makes the shells thinner towards the surface
 LONGEST_SECOND = 30.0  # of one implicit step of the diffusion
 COUNTED_SECOND = 0.5  # of a step, in which a counter tells the charge better than two currents do
-FARADAY = 96485.33212  # C/mol
 REFERENCE_KELVIN = REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN
 COLD_KELVIN = 248.15  # −25 °C, at which the bend of an Arrhenius line is stated
 BEND_REFERENCE = 1.0 / COLD_KELVIN - 1.0 / REFERENCE_KELVIN  # 1/K
@@ -405,7 +404,7 @@ def _states(columns, parameters, derivatives):
 
 
 def compiled():
-    """Whether the kernel serves: without it a fit takes hours for minutes."""
+    """Whether the kernel can be built: by its twin a fit would take minutes for seconds."""
     return _kernel() is not None
 
 

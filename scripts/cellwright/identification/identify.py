@@ -12,7 +12,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from cellwright.circuits.circuit import member_named
-from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, resistance_factor
+from cellwright.circuits.temperature import ZERO_CELSIUS_KELVIN, resistance_factor
 from cellwright.identification.columns import Data, Held
 from cellwright.identification.condition import condition_of
 from cellwright.identification.regression import SCALES, pull_of, solved
@@ -28,6 +28,7 @@ from cellwright.identification.search import (
     system_about,
 )
 from cellwright.numerics.linear import solve
+from cellwright.numerics.lines import FARADAY, GAS_CONSTANT
 from cellwright.records.conditions import at_rest
 from cellwright.records.counting import counted_std_share
 from cellwright.records.thinning import edge_ampere, edges, thin, without_edges
@@ -36,7 +37,6 @@ from cellwright.refusal import Refusal
 GRID_PER_DECADE = 4
 SHORTEST_SECOND = 0.05  # time constant that is searched
 FEWEST_ROWS = 20  # of a stretch that tells a relaxation
-FARADAY = 96485.33212  # C/mol
 DIFFUSION_SECOND = (500.0, 1000.0, 2000.0, 4000.0, 8000.0, 16000.0)  # radius² over diffusivity
 
 

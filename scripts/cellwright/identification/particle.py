@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.cell import ocv_on_grid, usual_slope
+from cellwright.circuits.cell import POINTS, ocv_on_grid, usual_slope
 from cellwright.circuits.particle import PARTS, Particle, layout, run
 from cellwright.circuits.temperature import ocv_at
 from cellwright.identification.choice import FOLDS, score_of
@@ -127,7 +127,7 @@ def task_of(conditions, curves, *, capacity_ampere_hour):
     task : Task.
     """
     celsius = np.array([condition[0] for condition in conditions])
-    grid = np.linspace(0.0, 1.0, 201)
+    grid = np.linspace(0.0, 1.0, POINTS)
     ocv_volt = ocv_at(curves, grid, REFERENCE_CELSIUS)
     mean, std, precision = _prior(len(celsius), capacity_ampere_hour)
     start = Particle(ocv_volt, celsius, mean)

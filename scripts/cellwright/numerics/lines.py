@@ -220,6 +220,7 @@ def _fit_at(columns, target, place, correlation):
 
 
 GAS_CONSTANT = 8.314462618  # J/(mol K)
+FARADAY = 96485.33212  # C/mol
 ZERO_CELSIUS_KELVIN = 273.15
 REFERENCE_KELVIN = 298.15
 

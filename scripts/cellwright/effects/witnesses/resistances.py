@@ -19,7 +19,7 @@ from cellwright.effects.witnesses.statement import (
     silent,
     spread,
 )
-from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS, SAME_CELSIUS, same_rate
 
 SOC_ENDS = (0.1, 0.9)
@@ -28,7 +28,6 @@ LEVELS = (0.2, 0.5, 0.8)  # of SoC at which temperatures are compared
 ROOM_KELVIN = 8.0  # from 25 °C, within which directions and rates are compared
 RATES_APART = 2.0  # ratio of two rates whose pulses are compared
 # ASSUME: Charge transfer follows Butler–Volmer with a transfer coefficient of one half.
-FARADAY = 96485.33212  # C/mol
 THERMAL_VOLT = GAS_CONSTANT * (25.0 + ZERO_CELSIUS_KELVIN) / FARADAY
 OHMIC, RELAXING, ENERGY = "ohmic_over_soc", "relaxing_over_soc", "activation_energy"
 TRANSFER, WITH_ARCS = "r_charge_transfer_ohm", "r_before_diffusion_ohm"  # columns of spectra
