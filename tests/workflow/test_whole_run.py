@@ -330,7 +330,7 @@ def test_a_strict_run_fails_but_writes_its_report(copy):
 
 @pytest.mark.slow
 def test_a_model_that_cannot_be_made_has_its_reason(copy):
-    """Without a slow test or pulses only the record of its group is left, which does not tell it."""
+    """Without a slow test or pulses the record of its group alone is left: it tells nothing."""
     sheet = copy / "config/tests.tsv"
     lines = sheet.read_text().splitlines(keepends=True)
     sheet.write_text("".join(row for row in lines if not {"ocv", "hppc"} & set(row.split("\t"))))
