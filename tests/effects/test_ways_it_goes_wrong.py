@@ -83,7 +83,7 @@ def test_what_the_proof_cannot_show_is_named_and_told_as_unproven():
     assert verdict["verdict"] == "named"
     (entry,) = verdict["effects"]
     assert (entry["effect"], entry["proof"]) == ("self_heating", "unproven")
-    assert "records that were not fitted do not show it" in verdict["paragraph"]
+    assert "self-heating (unproven)" in verdict["paragraph"]
 
 
 def test_what_the_fitted_records_do_not_excite_is_not_testable():

@@ -95,7 +95,7 @@ def test_an_effect_whose_size_is_at_its_limit_is_no_name():
     result = outcome(found, fitted_to(1e-4))
     assert result.word == "unknown"
     ranking = ranking_of(found, result)
-    assert "at its limit" in ranking["against"][-1]
+    assert "its value hit a limit" in ranking["against"][-1]
 
 
 @pytest.mark.parametrize(("deviation", "sized"), [(0.005, True), (0.007, False), (np.inf, False)])

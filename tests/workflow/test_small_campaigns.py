@@ -35,7 +35,7 @@ PLANNED = {
         "spectra_only": "spectrum spectra_together impedance basis no_model temperature cold_limit",
         "pulses_over_temperature": f"{CAPACITY} repeats pulses temperature resistance_surface "
         "cold_limit no_model",
-        "parallel_group": "series basis branches member model export pack missing_effect_group "
+        "parallel_group": "series basis branches model export pack missing_effect_group "
         "pack_checks pack_decisions pack_model",
     }.items()
 }
