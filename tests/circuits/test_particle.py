@@ -53,6 +53,22 @@ def test_at_rest_it_shows_the_ocv_of_its_counted_charge():
     assert found.voltage_volt[-1] == pytest.approx(np.interp(soc[-1], GRID, OCV), abs=1e-6)
 
 
+def test_after_a_charge_it_rests_higher_than_after_a_discharge():
+    """By both half gaps of the hysteresis at that SoC, once the loads were long enough."""
+    half_gap = np.array([0.02, 0.02, 0.01, 0.01, 0.01])
+    voltages = []
+    for sign, start in ((-1.0, 0.7), (1.0, 0.3)):
+        time = np.append(np.arange(0.0, 2161.0, 10.0), np.geomspace(2200.0, 4e5, 200))
+        current = np.where(time < 2160.5, sign * 1.0, 0.0)
+        soc = start + sign * np.minimum(time, 2160.0) / 3600.0 / CAPACITY
+        cell = a_particle(hysteresis_volt=half_gap)
+        voltages.append(volt_of(cell, (time, current, soc, 25.0)).voltage_volt[-1])
+    discharged, charged = voltages
+    ocv = np.interp([0.5, 0.5], GRID, OCV)
+    assert charged - discharged == pytest.approx(0.02, abs=3e-4)
+    assert (charged + discharged) / 2 == pytest.approx(ocv[0], abs=3e-4)
+
+
 def test_settled_charge_transfer_follows_butler_volmer():
     time, current = np.arange(0.0, 600.0, 1.0), np.full(600, -3.0)
     cell = a_particle(double_layer_farad=np.log(1e-3))

@@ -13,11 +13,14 @@ from cellwright.records.record import record_of
 NOISE_VOLT = 5e-4
 
 
-def pulses(cell, celsius, seed):
-    """Pulses of three rates at ten levels of the SoC, with noise: what a laboratory records."""
+def pulses(cell, celsius, seed, ways=(-3.0,)):
+    """Pulses of three rates at ten levels of the SoC, with noise: what a laboratory records.
+
+    ways : current from one level to the next [A], for each time that the levels are gone through.
+    """
     time, current = [0.0], [0.0]
-    for _ in range(9):
-        for ampere, second in ((-1.5, 10), (-6.0, 10), (3.0, 10), (-3.0, 360)):
+    for way in np.repeat(ways, 9):
+        for ampere, second in ((-1.5, 10), (-6.0, 10), (3.0, 10), (way, 360)):
             for amount, until in ((ampere, second), (0.0, 60 if second == 10 else 1500)):
                 ages = np.unique(np.append(np.geomspace(0.1, until, 25), until))
                 time.extend(time[-1] + np.append(0.001, ages))
@@ -41,11 +44,11 @@ def measured(cell, time, current, celsius, seed):
     return record_of(time, current, volt, soc, kind=kind, celsius=celsius)
 
 
-def a_fit(temperatures):
-    truth = a_particle(temperatures, transfer_bend_joule_per_mole=0.0)
+def a_fit(temperatures, ways=(-3.0,), **numbers):
+    truth = a_particle(temperatures, transfer_bend_joule_per_mole=0.0, **numbers)
     conditions = []
     for number, celsius in enumerate(temperatures):
-        record = pulses(truth, celsius, number)
+        record = pulses(truth, celsius, number, ways)
         settings = {"rest_second": 600.0, "rest_ampere": 0.02}
         blocks = blocks_of_used([record], cut=parts, **settings)
         conditions.append((celsius, [record], [record], blocks))
@@ -75,6 +78,22 @@ def test_what_pulses_tell_is_found_within_its_deviation(of_two_temperatures):
         place = layout(2)[name]
         off = fit.particle.vector[place] - truth.vector[place]
         assert np.abs(off / fit.std[place]).max() < 3.0, name
+
+
+def test_a_hysteresis_that_both_ways_show_is_found():
+    _, _, fit, _ = a_fit((25.0,), ways=(-3.0, 3.2), hysteresis_volt=0.015)
+    place = layout(1)["hysteresis_volt"]
+    found, std = fit.particle.vector[place], fit.std[place]
+    inner = slice(1, -1)  # no level lies at the ends
+    assert found[inner] == pytest.approx(0.015, abs=0.004)
+    assert (np.abs(found - 0.015) < 3.0 * std)[inner].all()
+
+
+def test_a_hysteresis_that_discharges_alone_cannot_show_is_not_claimed():
+    """There it is an offset of the OCV: its deviation stays near the 10 mV of its prior."""
+    _, _, fit, _ = a_fit((25.0,), hysteresis_volt=0.015)
+    place = layout(1)["hysteresis_volt"]
+    assert (fit.std[place] > 0.003).all()
 
 
 def test_each_block_is_predicted_without_its_fold(of_two_temperatures):

@@ -5,7 +5,7 @@ from cellwright.circuits.parameters import parameter_rows
 from cellwright.effects.member import finished
 from cellwright.filters.learnt import with_learnt_noise
 from cellwright.identification.compensation import laws_kept, with_laws
-from cellwright.identification.in_use import fitted_records, marked, proved
+from cellwright.identification.in_use import beside_particle, fitted_records, marked, proved
 from cellwright.records import inputs
 from cellwright.result import Result
 from cellwright.settings import Models
@@ -55,6 +55,7 @@ def finish_model(
     if content.get("left_out"):
         measured = inputs.basis(basis), facts, inputs.tests(tests)
         fitted = fitted_records(content, *measured, **rest)
+        content, choice = beside_particle(content, choice, fitted)
         records = [[one.record for one in condition] for condition in fitted]
         content = with_learnt_noise(content, records)
     return _with_choice(content, choice)

@@ -9,7 +9,9 @@ temperatures, and the derivative of its voltage by each of them.
    that of a lag with the resistance at its end: exact where the kinetics are linear, and where they
    have settled.
 3. Two linear lags, w' = (I − w)/τ, stand for the electrolyte and the other electrode.
-4. V = OCV(z_s) + shift(z_s) + entropy(z_s)·(T − 25 °C) + R0(z_s)·I + u + Σ R(z_s)·w.
+4. What an electrode shows after a charge and after a discharge differs by 2·M(z_s): a hysteresis
+   whose small loops close, of state h between −1 and 1.
+5. V = OCV(z_s) + shift(z_s) + entropy(z_s)·(T − 25 °C) + M(z_s)·h + R0(z_s)·I + u + Σ R(z_s)·w.
 
 Rates and resistances follow Arrhenius laws; those of resistances may bend: what is straight from 45
 to −5 °C is not at −25 °C.
@@ -27,6 +29,7 @@ from cellwright.circuits.cell import ocv_and_slope
 from cellwright.circuits.temperature import table_soc, temperature_weights
 from cellwright.native import array, count, function, real
 from cellwright.numerics.clock import checked_columns
+from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
@@ -49,6 +52,10 @@ OHMIC = (0.0, 0.1, 0.5, 1.0)
 RELAXING = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0)
 OPEN = (0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 ENTROPIC = (0.0, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)
+TURNING = (0.0, 0.1, 0.3, 0.7, 1.0)
+# ASSUME: A hysteresis goes from one branch to the other within some three charges of this share of
+# the capacity. Cells of iron phosphate and of silicon in graphite fit equally well with 1 to 8 %.
+TURN_SHARE = 0.03
 
 
 class Part(NamedTuple):
@@ -91,6 +98,7 @@ PARTS = (
     *_lag("slow"),
     Part("ocv_shift_volt", OPEN, "V", False),
     Part("ocv_volt_per_kelvin", ENTROPIC, "V/K", False),
+    Part("hysteresis_volt", TURNING, "V", False),
 )
 LAGS = ("fast", "slow")
 SCALES = ("missing", "stretch")  # one each a temperature: how the OCV lies on the counted SoC
@@ -234,7 +242,10 @@ def run(
     flux = (1.0 + stretch) / (3.0 * 3600.0 * capacity_ampere_hour)
     kernel = _kernel_parameters(at, start, flux)
     states = _states((step, current, counted, celsius), kernel, derivatives)
-    terms = _terms(particle.ocv_volt, at, states, current, celsius)
+    # ASSUME: A record begins half-way between the branches of the hysteresis.
+    turned = counted * step / (3600.0 * capacity_ampere_hour * TURN_SHARE)
+    direction = preisach(turned, np.zeros(len(time)), np.eye(1, len(time))[0])
+    terms = _terms(particle.ocv_volt, at, states, (current, celsius, direction))
     over = np.array([states.transfer_volt, *(terms[name].volt for name in ("r0", *LAGS))])
     volt = terms["ocv"].volt + over.sum(axis=0)
     by = None
@@ -310,18 +321,28 @@ class _Hats(NamedTuple):
         return columns
 
 
-def _terms(ocv_volt, at, states, current, celsius):
-    """Each part of the voltage but charge transfer, by its name: dict of _Term."""
+def _terms(ocv_volt, at, states, columns):
+    """Each part of the voltage but charge transfer, by its name: dict of _Term.
+
+    Parameters
+    ----------
+    ocv_volt : of Particle. at : dict of its parameters. states : _States.
+    columns : current [A], temperature [degC] and state of the hysteresis (n,) of each row.
+    """
+    current, celsius, direction = columns
     soc, warmer = states.surface_soc, celsius - REFERENCE_CELSIUS
     warmth = 1.0 / (celsius + ZERO_CELSIUS_KELVIN) - 1.0 / REFERENCE_KELVIN
     bent = warmth**2 / BEND_REFERENCE
     volt, slope = ocv_and_slope(ocv_volt, soc)
     shift, shift_slope, of_shift = _course(at["ocv_shift_volt"], OPEN, soc)
     per_kelvin, kelvin_slope, of_kelvin = _course(at["ocv_volt_per_kelvin"], ENTROPIC, soc)
+    half_gap, gap_slope, of_gap = _course(at["hysteresis_volt"], TURNING, soc)
     wanted = states.lagged_by.size > 0
     own = {"ocv_shift_volt": (of_shift, 1.0), "ocv_volt_per_kelvin": (of_kelvin, warmer)}
-    slopes = slope + shift_slope + warmer * kelvin_slope
-    terms = {"ocv": _Term(volt + shift + warmer * per_kelvin, slopes, _columns(own, wanted))}
+    own["hysteresis_volt"] = (of_gap, direction)
+    volt = volt + shift + warmer * per_kelvin + direction * half_gap
+    slopes = slope + shift_slope + warmer * kelvin_slope + direction * gap_slope
+    terms = {"ocv": _Term(volt, slopes, _columns(own, wanted))}
     through = {"r0": (current, OHMIC)}
     through |= {name: (states.lagged_ampere[:, k], RELAXING) for k, name in enumerate(LAGS)}
     for name, (ampere, knots) in through.items():

@@ -172,8 +172,6 @@ def decided(model, conditions, searched=None):
         for name, verdict in judged.items()
         for row in judged_rows(name, verdict, celsius)
     ]
-    model, of_particle = _beside_particle(model, choice.name, judged, conditions, searched or ())
-    rows += of_particle
     members = [m | {"left_out_rmse_volt": choice.rmse_volt[m["model"]]} for m in model["members"]]
     members = [_with_usual_errors(m, judged[m["model"]].scores, celsius) for m in members]
     # Whole tests may take its place back, see `proved`.
@@ -182,24 +180,30 @@ def decided(model, conditions, searched=None):
     return model | {"members": members, "chosen": choice.name, "choice": choice.words}, rows
 
 
-def _beside_particle(model, chosen, judged, conditions, searched):
-    """A model that says whether its particle predicts better than the chosen member, and the
-    particle's rows in the table of reasons.
+def beside_particle(model, rows, conditions):
+    """A model that says whether its particle predicts better than the chosen member, and the table
+    of reasons with the particle's rows.
 
     The rule is that of `choice.choose` for members that are found beside the family: the particle
     has to be better beyond chance, and at no temperature worse. That it errs more on the records
-    fitted says nothing against it: far fewer numbers are fitted to all temperatures at once.
+    fitted says nothing against it: far fewer numbers are fitted to all temperatures at once. It is
+    not compared with a member that holds effects.
+
+    Parameters
+    ----------
+    model, rows : as `proved` gives them. conditions : see `decided`.
     """
-    if not model.get("particle"):
-        return model, []
+    if not model.get("particle") or not rows:
+        return model, rows
+    chosen = model["chosen"]
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
     pairs = model["particle"]["left_out"]
-    left_out = [Score(np.array(volt2), np.array(rows)) for volt2, rows in pairs]
+    left_out = [Score(np.array(volt2), np.array(count)) for volt2, count in pairs]
     errors = [[errors_of(model, PARTICLE, one) for one in condition] for condition in conditions]
     both = {PARTICLE: Judged(left_out, *simulated_errors(conditions, errors))}
     in_use, reason = False, not_chosen("beside_effects", best=chosen)
-    if chosen not in searched:
-        both |= {chosen: judged[chosen]}
+    if chosen in model["left_out"][0]["square_volt2"]:
+        both |= {chosen: judged_of(model, chosen, conditions)}
         choice = choose(
             {name: verdict.scores for name, verdict in both.items()},
             celsius=celsius,
@@ -207,12 +211,12 @@ def _beside_particle(model, chosen, judged, conditions, searched):
             searched=(PARTICLE,),
         )
         in_use, reason = choice.name == PARTICLE, choice.reasons[PARTICLE]
-    rows = [
+    of_particle = [
         row | {"chosen": in_use} | reason_columns(*reason)
         for row in judged_rows(PARTICLE, both[PARTICLE], celsius)
     ]
     about = {"in_use": in_use, "left_out_rmse_volt": _rmse_of_all(left_out), "choice": reason.text}
-    return model | {"particle": model["particle"] | about}, rows
+    return model | {"particle": model["particle"] | about}, [*rows, *of_particle]
 
 
 def _rmse_of_all(scores):

@@ -79,6 +79,7 @@ PRIORS = {
     **_lag(0.01, 300.0, "slow"),
     "ocv_shift_volt": Prior(0.0, 0.03, 0.06),
     "ocv_volt_per_kelvin": Prior(0.0, 3e-4, 6e-4),
+    "hysteresis_volt": Prior(0.0, 0.01, 0.02),
     "missing": Prior(0.0, 0.02),
     "stretch": Prior(0.0, 0.05),
 }
