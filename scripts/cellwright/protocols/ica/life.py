@@ -5,9 +5,8 @@ from contextlib import suppress
 import numpy as np
 
 from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
-from cellwright.protocols.ica.curve import Peaks
 from cellwright.protocols.ica.parts import parts_joined
-from cellwright.protocols.ica.spline import slope_peaks
+from cellwright.protocols.ica.spline import Peaks, slope_peaks
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
