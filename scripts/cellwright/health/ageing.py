@@ -333,7 +333,7 @@ def _models(record):
             )
             columns_of.append((fade, temperature_columns))
             found.append((score, slope, std**2))
-    score, slopes, variances = np.array(found).T
+    score, slopes, variances = map(np.array, zip(*found, strict=True))
     weight = np.exp(score - score.max())
     return columns_of[int(np.argmax(weight))], (weight / sum(weight), slopes, variances)
 
