@@ -96,12 +96,12 @@ def test_slow_curve_is_the_equilibrium_within_its_polarisation(cell):
 @pytest.mark.parametrize("cell", PULSED)
 def test_ten_second_resistance_within_two_percent(cell):
     columns, steps = _record(cell, "hppc_25C")
-    time, current, voltage, charge = columns
+    _, current, voltage, charge = columns
     (full,) = _true("health", "capacity_ampere_hour", cell=cell)
     settings = {"capacity_ampere_hour": full, "soc_at_start": 1.0, **LIMITS}
     soc = soc_series(charge, current, voltage, **settings).soc
     rows = pulse_resistance(
-        time, current, voltage, soc, steps, rated_capacity_ampere_hour=RATED, delay_second=(10.0,)
+        _series(columns), soc, steps, rated_capacity_ampere_hour=RATED, delay_second=(10.0,)
     ).rows
     pulses = {"cell": cell, "test": "hppc_25C", "direction": "discharge", "delay_second": "10.0"}
     true = _true("resistance", "resistance_ohm", **pulses)

@@ -99,20 +99,17 @@ def capacity(
     )
     halves = [_counted(half, columns[0], steps, whole_swing) for half in halves]
     halves = with_starts(halves, columns, limits, known)
-    left_out = tuple(
-        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"
-        for half in halves
-        if half.fault or half.words
-    )
+    named = [(half, f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s") for half in halves]
+    said = ((of, half.fault or half.words) for half, of in named)
+    left_out = tuple(f"{of}: {words}" for of, words in said if words)
     modes = tuple(
-        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {words}"
-        for half in halves
+        f"{of}: {words}"
+        for half, of in named
         if not half.fault and (words := mode_in_words(half, columns, steps, limits))
     )
     unsure, inserts = edge_variance(time, columns[0], columns[2]), inserting_sign(limits)
     logged = series.get("logged_current_ampere", columns[0])
-    at_rest = reading_at_rest(logged, steps)
-    digit = coarsest_digit_ampere(logged, rated)
+    at_rest, digit = reading_at_rest(logged, steps), coarsest_digit_ampere(logged, rated)
     balance = partial(balance_of, columns=columns, time=time, steps=steps, limits=limits)
     counted = partial(
         unsure_of_count,
@@ -124,11 +121,12 @@ def capacity(
         rest_ampere=at_rest,
     )
     sheet, complete = (stated, celsius), []
-    surface = series.get("surface_temperature_celsius")
+    unread = np.full(len(time), np.nan)
+    temperature = np.asarray(series.get("surface_temperature_celsius", unread), float)
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
             continue
-        row = _measured(half, partner, columns, steps, surface, inserts)
+        row = _measured(half, partner, columns, steps, temperature, inserts)
         row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
@@ -231,12 +229,8 @@ def _measured(half, partner, columns, steps, temperature, inserts):
         "energy_watt_hour": abs(energy_counted(voltage[rows], charge[rows])[-1]),
         "coulombic_efficiency": efficiency if efficiency <= EFFICIENCY_MAX else np.nan,
         "mean_current_ampere": half.sign * rate,
-        "temperature_mean_celsius": np.nan
-        if temperature is None
-        else _mean(np.asarray(temperature, float)[rows]),
-        "temperature_start_celsius": np.nan
-        if temperature is None
-        else float(np.asarray(temperature, float)[half.first_row]),
+        "temperature_mean_celsius": _mean(temperature[rows]),
+        "temperature_start_celsius": float(temperature[half.first_row]),
         "constant_current_ampere_hour": abs(charge[held_row] - charge[half.first_row]),
         "missing": half.missing_ampere_hour,
     }
