@@ -83,7 +83,7 @@ def test_half_hour_rate_capacity_within_a_tenth_of_a_percent(cell):
 def test_slow_curve_is_the_equilibrium_within_its_polarisation(cell):
     """Mean of the branches against the rested voltage, 10–90 %: the rest is asymmetry."""
     columns, _ = _record(cell, "ocv_25C")
-    curve = slow_ocv(*columns, **LIMITS)
+    curve = slow_ocv(_series(columns), **LIMITS)
     soc = np.linspace(0.1, 0.9, 33)
     rested = np.interp(soc, *(_true("ocv", column, cell=cell) for column in ("soc", "ocv_volt")))
     error = np.interp(soc, curve.soc, curve.ocv_volt) - rested

@@ -45,7 +45,7 @@ def slow_curve(
     """
     limits = {"lower_cutoff_volt": lower_cutoff_volt, "upper_cutoff_volt": upper_cutoff_volt}
     try:
-        found = _ocv(columns, limits, least_hour)
+        found = slow_ocv(columns, least_hour=least_hour, **limits)
         branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
         voltage = branch.get(found.branches, found.ocv_volt)
     except Refusal as refusal:
@@ -117,15 +117,10 @@ def _check_up_of(test, cell):
     return cell, test.test, float(test.cycle or 0.0), np.nan if celsius is None else float(celsius)
 
 
-def _ocv(columns, limits, least_hour):
-    series, files = [columns[name] for name in NAMES], columns.get("file_index")
-    return slow_ocv(*series, file_index=files, least_hour=least_hour, **limits)
-
-
 def _mean_of_both(columns, limits, mean_hour, refusal):
     """A faster discharge and charge, and their mean over SoC; else the refusal of slow ones."""
     try:
-        found = _ocv(columns, limits, mean_hour)
+        found = slow_ocv(columns, least_hour=mean_hour, **limits)
     except Refusal:
         raise refusal from None
     currents = _currents(found)
