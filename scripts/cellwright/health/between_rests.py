@@ -148,10 +148,9 @@ def _of_test(
     variance = np.append(0.0, np.cumsum(edge_variance(time, current, charge)))
     at_rest = np.searchsorted(time, rests.second)
     counter = off_ampere, clock_error_share, variance[at_rest]
-    other = (
-        _aged(curve, facts.cycle, borrowed=basis.get("borrowed_from") is not None),
-        _scale_share(curve),
-    )
+    ages = abs((facts.cycle or 0) - (curve.get("cycle") or 0))
+    own = basis.get("borrowed_from") is None and ages <= SAME_CHECKUP_CYCLES
+    other = None if own else curve["capacity_ampere_hour"], _scale_share(curve)
     row = _row(rests, placed, counter, _best_pair(rests, placed, counter), other)
     about = ("test", "cycle", "ambient_temperature_celsius")
     return {name: getattr(facts, name) for name in about} | row
@@ -307,13 +306,6 @@ def _hidden_share(size, swing, other_ampere_hour):
         return 0.0
     shown = other_ampere_hour / size - 1.0
     return max(1.0 - abs(swing), 0.0) * np.hypot(UNSURE_SHARE, shown)
-
-
-def _aged(curve, cycle, *, borrowed):
-    """Capacity [Ah] of the curve's own cell and age where that is another one, else None."""
-    ages = abs((cycle or 0) - (curve.get("cycle") or 0))
-    other = borrowed or ages > SAME_CHECKUP_CYCLES
-    return curve["capacity_ampere_hour"] if other else None
 
 
 # ASSUME: Of what the two directions of a slow test differ by, none to all is an error of its ends.

@@ -49,7 +49,7 @@ def resistances_of_cell(pulses, spectra, model, verdict):
     rows = _of_pulse(pulse, pulses) if pulse else []
     if model:
         rows += _of_model(pulse, rows, member_of(model))
-    rows += _of_spectrum(pulse, spectra)
+    rows += _of_spectrum(spectra)
     rows += _of_search(verdict)
     first = rows[0]["resistance_ohm"] if pulse else None
     return [row | {"over_r0": row["resistance_ohm"] / first if first else None} for row in rows]
@@ -134,7 +134,7 @@ def _through_pulse(circuit, current_ampere, second):
     return float(volt[:, -1].sum() / current_ampere)
 
 
-def _of_spectrum(pulse, spectra):
+def _of_spectrum(spectra):
     """Resistances of the spectrum at 25 °C nearest 50 % SoC."""
     alike = [
         row

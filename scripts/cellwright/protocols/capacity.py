@@ -133,17 +133,21 @@ def capacity(
             *(half, time, columns[0], accuracy.current_accuracy_share, at_rest),
             clock_share=accuracy.clock_error_share,
         )
-        row |= _of_digit(half, partner, time, columns[0], digit)
-        row["doubt"] = doubts_of(
-            *(half, partner, row, columns, steps, limits, series.get("doubt"), sheet)
-        )
+        both = [one for one in (half, partner) if one is not None]
+        stds = [unsure_of_digit(one, time, columns[0], digit) for one in both]
+        row |= {"digit": stds[0], "digit_of_cycle": max(stds)}
+        doubt = series.get("doubt")
+        row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
     if not complete:
         why = "; ".join(left_out) or _none_begins(columns[0], columns[2], rated)
         raise Refusal(f"no complete discharge or charge: {why}")
-    rows = _repeats_joined(complete, rated)
-    return Result({"rows": rows}, notes=(*left_out, *modes))
+    # One row for the repeats of a direction, rate and temperature.
+    ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
+    rows = [_row(repeats, rated) for repeats in grouped_alike(ordered, _repeated)]
+    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Result({"rows": table}, notes=(*left_out, *modes))
 
 
 def _none_begins(current, charge, rated):
@@ -287,29 +291,10 @@ def _repeated(first, half):
     return alike and not apart > OTHER_CELSIUS
 
 
-def _begin(measured):
-    return measured["first_row"]
-
-
 def _mean(values):
     """Mean of the finite values; NaN where there are none."""
     measured = values[np.isfinite(values)]
     return float(measured.mean()) if len(measured) else np.nan
-
-
-def _of_digit(half, partner, test_time_second, current_ampere, digit_ampere):
-    """What the current's digit leaves open of a half cycle, and at most of either half [Ah]."""
-    halves = [one for one in (half, partner) if one is not None]
-    stds = [unsure_of_digit(one, test_time_second, current_ampere, digit_ampere) for one in halves]
-    return {"digit": stds[0], "digit_of_cycle": max(stds)}
-
-
-def _repeats_joined(complete, rated):
-    """Columns of stage `capacity`: one row for the repeats of a direction, rate and temperature."""
-    ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
-    repeats = grouped_alike(ordered, _repeated)
-    rows = [_row(halves, rated) for halves in repeats]
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def _row(halves, rated):
@@ -338,7 +323,9 @@ def _row(halves, rated):
         "coulombic_efficiency": means["coulombic_efficiency"],
         "coulombic_efficiency_std": _efficiency_std(columns),
         # Of a new cell that of formation, which no mean may hide.
-        "first_coulombic_efficiency": min(halves, key=_begin)["coulombic_efficiency"],
+        "first_coulombic_efficiency": min(halves, key=lambda half: half["first_row"])[
+            "coulombic_efficiency"
+        ],
         "repeats": len(sizes),
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],

@@ -183,7 +183,13 @@ def check_ups(curves):
         like[0].append(curve) if like else protocols.append([curve])
     if not protocols:
         return [], []
-    best = min(protocols, key=lambda group: (-len({one.cycle for one in group}), *_rank(group[0])))
+
+    def rank(group):
+        first = group[0]
+        kind = first.branches == "rests", first.current_ampere, first.branches != "both"
+        return -len({one.cycle for one in group}), *kind
+
+    best = min(protocols, key=rank)
     chosen = {}
     for curve in best:
         chosen.setdefault(curve.cycle, curve)
@@ -195,11 +201,6 @@ def check_ups(curves):
     seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
     left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
     return list(chosen.values()), [words for words in left_out if words]
-
-
-def _rank(curve):
-    """What counts first of protocols that as many check-ups have."""
-    return curve.branches == "rests", curve.current_ampere, curve.branches != "both"
 
 
 def _second(curve, counted):

@@ -51,7 +51,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
         last = step
         while (beside := _beside(steps, last, way)) is not None:
             at = ends[way > 0] if last == step else parts[-1 if way > 0 else 0][way > 0]
-            part = _part(steps, beside, current, columns)
+            part = _part(steps, beside, current)
             reason = _not_one(steps, last, beside, part, ends, columns)
             if reason:
                 if _moved(charge, part) > TURN_SHARE * _moved(charge, ends):
@@ -75,7 +75,7 @@ def _beside(steps, step, way):
     return number if of_charge else None
 
 
-def _part(steps, step, current, columns):
+def _part(steps, step, current):
     """First and last row of the constant current of a step."""
     first = int(steps["first_row"][step])
     held = steps["cv_first_row"][step]
