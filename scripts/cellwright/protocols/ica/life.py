@@ -60,9 +60,9 @@ def _charges_of_life(cycles, steps, record, most):
         inside = (start > begins[k] - 1.0) & (start < begins[k + 1] - 1.0)
         with suppress(Refusal):
             *ends, step = constant_current_charge(steps, charge, among=inside)
-            joined = parts_joined(*record, steps, step, constant_rows(current, *ends))
+            rows, notes = parts_joined(*record, steps, step, constant_rows(current, *ends))
             rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
-            yield float(cycles["cycle"][k]), *joined, float(np.median(current[joined.rows]) / rated)
+            yield float(cycles["cycle"][k]), rows, notes, float(np.median(current[rows]) / rated)
 
 
 def _rows(shared, peaks):

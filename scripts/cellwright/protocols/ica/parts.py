@@ -7,7 +7,6 @@ the pause itself shows.
 """
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,6 @@ WINDOW = 0.5  # of the time at rest: over so much of its end the relaxation is r
 GRID = 1.1  # ratio of the times after a pause that are tried
 
 
-class Charge(NamedTuple):
-    """Rows (n,) of one charge in the order of time, and sentences on where it was cut."""
-
-    rows: np.ndarray
-    notes: tuple
-
-
 def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="charge"):
     """Rows of a constant-current charge with the parts before and after its pauses.
 
@@ -43,7 +35,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
         duration_second. step : of the largest part, ends : its first and last row.
     half : as of `constant_current_charge`.
 
-    Returns charge: Charge.
+    Returns rows: (m,) of the charge in the order of time. notes : sentences on where it was cut.
     """
     columns = time, current, voltage, charge
     parts, notes = [ends], []
@@ -61,7 +53,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
             parts = [*parts, part] if way > 0 else [part, *parts]
             last = beside
     rows, words = _without_returns(parts, columns, half)
-    return Charge(rows, (*words, *notes))
+    return rows, (*words, *notes)
 
 
 def _beside(steps, step, way):
