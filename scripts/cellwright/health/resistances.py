@@ -5,30 +5,12 @@ import numpy as np
 from cellwright.circuits.cell import overpotentials
 from cellwright.circuits.circuit import kind_of
 from cellwright.circuits.model_file import circuit_at, member_of, std_of_r0
+from cellwright.health.messages import say
 from cellwright.health.summary import reference_resistance
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature, stated_or_reference
 
 R0 = "R0"
 LATER = "after {:g} s"
-DEFINITIONS = {
-    R0: "change of voltage over change of current at the first sample of a discharge pulse near "
-    "50 % SoC at 25 °C: the ohmic part, and of charge transfer what is done by then",
-    "later": "the same pulse later: R0, the rest of charge transfer, the beginning of diffusion, "
-    "and the change of the open-circuit voltage by the charge taken out",
-    "model": "the model in use through that pulse, at its current and delay, without what its "
-    "open-circuit voltage, diffusion and hysteresis add the longer the pulse lasts; the rest of "
-    "its distance from the measurement is the error of the model",
-    "ohmic": "parameter r0 of the model in use: what is faster than each of its branches and than "
-    "the first samples that it was fitted to (r0_delay); its deviation is over those samples",
-    "small": "the model in use at small currents, all that is faster than a sample: where charge "
-    "transfer is part of the model this is larger than R0, for it costs less at large currents",
-    "spectrum": "ohmic resistance of the circuit fitted to the spectrum nearest in SoC: the lowest "
-    "of all, for charge transfer is no part of it",
-    "transfer": "the same and the spectrum's charge-transfer resistance, with the arcs faster than "
-    "it, at small currents",
-    "search": "ohmic resistance and charge transfer of the circuit of the search for missing "
-    "effects, with the effects that it named",
-}
 
 
 def resistances_of_cell(pulses, spectra, model, verdict):
@@ -65,7 +47,8 @@ def _row(name, definition, ohm, std=None, **at):
         "doubt",
     )
     row = {"name": name, "resistance_ohm": ohm, "resistance_std_ohm": std}
-    return row | {key: at.get(key) for key in known} | {"definition": DEFINITIONS[definition]}
+    told = {"definition": say(f"resistance.{definition}")}
+    return row | {key: at.get(key) for key in known} | told
 
 
 def _of_pulse(pulse, pulses):
@@ -82,7 +65,7 @@ def _of_pulse(pulse, pulses):
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
         at |= {"doubt": row.get("doubt")}
         first = row["delay_second"] == 0
-        name, definition = (R0, R0) if first else (LATER.format(row["delay_second"]), "later")
+        name, definition = (R0, "first") if first else (LATER.format(row["delay_second"]), "later")
         rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
     return rows
 
