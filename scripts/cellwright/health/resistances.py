@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.circuits.cell import overpotentials
-from cellwright.circuits.circuit import kind_of
+from cellwright.circuits.circuit import KINDS, kind_of
 from cellwright.circuits.model_file import circuit_at, member_of, std_of_r0
 from cellwright.health.messages import say
 from cellwright.health.summary import reference_resistance
@@ -87,7 +87,7 @@ def _of_model(pulse, measured, member):
     at_once = ohmic + sum(
         float(np.ravel(branch.parameters["r_ohm"])[0])
         for branch in circuit[1:]
-        if branch.kind in ("kinetic", "charge_transfer")
+        if KINDS[branch.kind].of_charge_transfer
         and np.ravel(branch.parameters.get("tau_second", 0.0))[0] <= measured[0]["delay_second"]
     )
     rows.append(_row("model, parameter r0", "ohmic", ohmic, _std_of_r0(member, at), **at))
