@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
 from cellwright.numerics.statistics import robust_std
-from cellwright.protocols.ica.levels import rises, tally
+from cellwright.protocols.ica.blocks import rises, tally
 from cellwright.refusal import Refusal
 from dq_dv.on_grid import gridded
 

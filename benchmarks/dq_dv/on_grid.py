@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.numerics.linear import SAVITZKY_GOLAY_ORDER, savitzky_golay_weights
-from cellwright.protocols.ica.curve import Peaks
+from cellwright.protocols.ica.spline import Peaks
 
 
 class GridCurve(NamedTuple):

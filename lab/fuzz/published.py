@@ -97,17 +97,14 @@ def _resistances(columns, steps, record):
     from cellwright.protocols.resistance import pulse_resistance
     from cellwright.settings import Resistance
 
-    names = ("test_time_second", "current_ampere", "voltage_volt")
     rated = record.cell["rated_capacity_ampere_hour"]
     begun = record.test.get("soc")
     soc = (np.nan if begun is None else begun) + columns["charge_ampere_hour"] / rated
     found = pulse_resistance(
-        *(columns[name] for name in names),
+        columns,
         soc,
         inputs.steps(steps),
         rated_capacity_ampere_hour=rated,
-        doubt=columns.get("doubt"),
-        logged_current_ampere=columns.get("logged_current_ampere"),
         **Resistance()._asdict(),
     )
     return found.rows, found.notes

@@ -9,7 +9,6 @@ from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
-from matplotlib.spines import Spine
 from matplotlib.transforms import Affine2D, IdentityTransform
 
 from figures import decoration, measures
@@ -143,7 +142,8 @@ def drawn(figure, *, metadata) -> str:
 def _draw_panel(canvas, axes, around):
     """A panel: what lies below its grid, the grid and ticks, its artists, spines and titles."""
     apart = {axes.xaxis, axes.yaxis, axes.patch, *decoration.title_texts(axes)}
-    artists = [a for a in axes.get_children() if a not in apart and not _is_side(a)]
+    sides = {axes.spines[name] for name in SIDES if name in axes.spines}
+    artists = [a for a in axes.get_children() if a not in apart | sides]
     artists.sort(key=lambda artist: artist.zorder)
     if axes.axison:
         axes.patch.draw(canvas)
@@ -157,10 +157,6 @@ def _draw_panel(canvas, axes, around):
         artist.draw(canvas)
     if axes.axison:
         _draw_sides(canvas, axes)
-
-
-def _is_side(artist):
-    return isinstance(artist, Spine) and artist.spine_type in SIDES
 
 
 def _draw_sides(canvas, axes):

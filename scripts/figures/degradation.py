@@ -21,7 +21,9 @@ def draw_modes(modes):
     """
     figure, axes = style.subplots(1, 2, width=9.5, height=3.3)
     order = np.argsort(modes["cycle"])
-    columns = {name: np.asarray(modes[name], float)[order] for name in _drawn_columns()}
+    drawn = ["cycle", "capacity_ampere_hour"]
+    drawn += [f"{name}{end}" for name in MODES for end in ("", "_std", "_single")]
+    columns = {name: np.asarray(modes[name], float)[order] for name in drawn}
     cycle = columns["cycle"]
     # A loss below zero is scatter; in a stack it would eat what lies below it.
     stacked = [100 * np.maximum(np.nan_to_num(columns[name]), 0.0) for name in MODES]
@@ -36,11 +38,6 @@ def draw_modes(modes):
     for panel in axes[0]:
         style.legend_once(panel, loc="upper left")
     return figure
-
-
-def _drawn_columns():
-    names = [f"{name}{end}" for name in MODES for end in ("", "_std", "_single")]
-    return ["cycle", "capacity_ampere_hour", *names]
 
 
 def _band(panel, columns, name, shown):

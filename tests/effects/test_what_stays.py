@@ -11,7 +11,7 @@ from cellwright.effects.case import Gates
 from cellwright.effects.finding import ranking_of
 from cellwright.effects.floor import fallen_volt
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.search import Model, _About, _best
+from cellwright.effects.search import Model, Search, _best
 from cellwright.effects.state import Yardstick
 from cellwright.effects.story.sizes import Fitted, has_size
 from cellwright.effects.verdict import outcome
@@ -23,17 +23,22 @@ SMALL = "resistance_temperature"
 BOTH = Truth(hysteresis=0.012, activation=2.5e4)
 
 
+def blank(yardstick, models, made=None, possible=None, free=()):
+    """A search of some models that were fitted."""
+    return Search(made, possible or {}, free, yardstick, models, set(), [], set())
+
+
 def kept(truth, *names):
     """Names that stay in a model fitted with all of them, and those that are taken out of it."""
     made, found = case(truth), searched(truth)[0]
-    about = search._About(made, LIBRARY, made.begun()[0], found.yardstick)
+    begun = blank(found.yardstick, {(): found.plain}, made, LIBRARY, made.begun()[0])
     effects, values = tuple(LIBRARY[name] for name in names), dict(found.first.solution.values)
     for effect in effects:
         start = effect.starts[0]
         values |= {f"{effect.id}.{p.name}": start.get(p.name, p.neutral) for p in effect.parameters}
-    models = {(): found.plain}
-    whole = search._fit_model(about, effects, values)
-    model = search._drop_worthless(about, whole, models | {whole.keys: whole})
+    whole = search._fit_model(begun, effects, values)
+    begun.models[whole.keys] = whole
+    model = search._drop_worthless(begun, whole)
     # The fit that is handed on is one of just these effects.
     fitted = {name for name in model.state.solution.names if name.rpartition(".")[0]}
     assert {name.partition(".")[0] for name in fitted} == set(model.keys)
@@ -146,8 +151,8 @@ def test_a_model_that_errs_more_on_what_judges_than_the_plain_one_is_not_the_bes
     misses = model(0.16, [4.0] * 9 + [900.0])
     follows = model(0.05, [20.0] * 10)
     models = {(): plain, ("misses",): misses, ("follows",): follows}
-    about = _About(None, {}, (), Yardstick(None, scale=1.0))
-    assert _best(about, models) is misses
-    about = about._replace(most_volt=0.061)
-    assert _best(about, models) is follows
-    assert _best(about, {("misses",): misses}) is misses  # where there is no other
+    found = blank(Yardstick(None, scale=1.0), models)
+    assert _best(found) is misses
+    found = found._replace(most_volt=0.061)
+    assert _best(found) is follows
+    assert _best(found._replace(models={("misses",): misses})) is misses  # where there is no other

@@ -7,7 +7,6 @@ from cellwright.health.ageing import cycle_temperature, law_rows, reading_noise
 from cellwright.numerics.lines import coloured_line
 from cellwright.numerics.periods import periods
 from cellwright.numerics.statistics import t_interval
-from cellwright.protocols.ageing import AgeingCycles
 from cellwright.refusal import Refusal
 
 
@@ -22,19 +21,19 @@ def record(count=29, *, slope=0.0025, fade=0.01, swing=4.0, noise=0.0, memory=0.
     faded = 1 - fade * np.arange(count) / max(count - 1, 1)
     share = faded * (1 + slope * (cell - 24) + noise * draws)
     unknown = np.full(count, np.nan)
-    return AgeingCycles(
-        cycle=np.arange(1.0, count + 1),
-        direction=np.full(count, "discharge"),
-        start_time_second=3600 * hour,
-        duration_second=np.full(count, 3600.0),
-        c_rate=np.ones(count),
-        capacity_ampere_hour=20 * share,
-        energy_watt_hour=74 * share,
-        coulombic_efficiency=np.full(count, 0.999),
-        room_temperature_celsius=room,
-        temperature_start_celsius=unknown,
-        temperature_mean_celsius=unknown,
-    )
+    return {
+        "cycle": np.arange(1.0, count + 1),
+        "direction": np.full(count, "discharge"),
+        "start_time_second": 3600 * hour,
+        "duration_second": np.full(count, 3600.0),
+        "c_rate": np.ones(count),
+        "capacity_ampere_hour": 20 * share,
+        "energy_watt_hour": 74 * share,
+        "coulombic_efficiency": np.full(count, 0.999),
+        "room_temperature_celsius": room,
+        "temperature_start_celsius": unknown,
+        "temperature_mean_celsius": unknown,
+    }
 
 
 def test_the_thesis_example():
@@ -60,8 +59,8 @@ def test_the_interval_covers_as_often_as_it_says_whatever_the_memory(memory):
     place, hits = np.arange(29.0), []
     for seed in range(120):
         rows = record(noise=0.002, memory=memory, seed=seed)
-        columns = np.column_stack([np.ones(29), place, rows.room_temperature_celsius - 24])
-        line = coloured_line(columns, rows.capacity_ampere_hour, place)
+        columns = np.column_stack([np.ones(29), place, rows["room_temperature_celsius"] - 24])
+        line = coloured_line(columns, rows["capacity_ampere_hour"], place)
         low, high = t_interval(line.values[2], line.std[2], line.degrees_of_freedom)
         hits.append(low <= 0.05 <= high)
     assert 0.9 <= np.mean(hits) <= 0.99
@@ -75,15 +74,15 @@ def test_a_cell_that_follows_its_room_late():
 
 def with_charges(rows, *, swing=4.0, reading=0.0, seed=0):
     """The same record with a charge after each discharge; the room is read with an error [K]."""
-    hour = rows.start_time_second / 3600
+    hour = rows["start_time_second"] / 3600
     every = np.interp(np.arange(2 * len(hour)) / 2, np.arange(len(hour)), hour)
     every[-1] += 1.75
     room = 24 + swing / 2 * np.cos(2 * np.pi * (every - 8) / 24)
     room += reading * np.random.default_rng(seed + 1000).standard_normal(len(room))
-    doubled = {name: np.repeat(getattr(rows, name), 2) for name in rows._fields}
+    doubled = {name: np.repeat(column, 2) for name, column in rows.items()}
     doubled["direction"][1::2] = "charge"
     doubled |= {"start_time_second": 3600 * every, "room_temperature_celsius": room}
-    return AgeingCycles(**doubled)
+    return doubled
 
 
 @pytest.mark.parametrize("lag", [0.5, 1.0, 2.0])
@@ -107,8 +106,8 @@ def test_readings_with_an_error_do_not_shrink_the_slope():
     hits = []
     for seed in range(8):
         rows = with_charges(record(noise=2e-4, seed=seed), reading=0.3, seed=seed)
-        room = rows.room_temperature_celsius
-        assert reading_noise(rows.start_time_second / 3600, room) == pytest.approx(0.3, rel=0.35)
+        room = rows["room_temperature_celsius"]
+        assert reading_noise(rows["start_time_second"] / 3600, room) == pytest.approx(0.3, rel=0.35)
         summary, *_ = cycle_temperature(rows)
         limits = [summary[f"slope_{end}_percent_per_kelvin"] for end in ("lower", "upper")]
         hits.append(limits[0] <= 0.25 <= limits[1])
@@ -137,7 +136,7 @@ def test_a_constant_temperature_is_not_excited():
 
 def test_without_a_temperature_the_daily_cycle_is_still_found():
     rows = record(noise=3e-4)
-    rows = rows._replace(room_temperature_celsius=np.full(29, np.nan))
+    rows["room_temperature_celsius"] = np.full(29, np.nan)
     summary, *_ = cycle_temperature(rows)
     assert "no temperature was recorded" in summary["reason"]
     assert summary["daily_false_alarm"] < 0.01
@@ -163,10 +162,10 @@ def test_a_short_record_tells_no_daily_cycle():
 
 def test_a_wild_cycle_and_one_without_its_charge_are_set_aside():
     rows = record(noise=1e-4)
-    capacity, efficiency = rows.capacity_ampere_hour.copy(), rows.coulombic_efficiency.copy()
+    capacity, efficiency = rows["capacity_ampere_hour"].copy(), rows["coulombic_efficiency"].copy()
     capacity[[0, 12]] = 21.0, 12.0
     efficiency[0] = np.nan
-    rows = rows._replace(capacity_ampere_hour=capacity, coulombic_efficiency=efficiency)
+    rows |= {"capacity_ampere_hour": capacity, "coulombic_efficiency": efficiency}
     summary, cycles, _ = cycle_temperature(rows)
     assert summary["set_aside"] == 3
     # The second as well: it began where the first, whose charge nobody knows, had ended.

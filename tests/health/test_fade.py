@@ -14,7 +14,7 @@ from cellwright.refusal import Refusal
 def found_in(share, **more):
     fade = fade_of(life(share, **more))
     drawn = draws(fade, count=400)
-    knee = knee_of(fade, drawn, least_log_evidence=5.0)
+    knee = knee_of(fade, drawn)
     return fade, drawn, knee, remaining_of(fade, drawn, knee, end_of_life=0.8)
 
 

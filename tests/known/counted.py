@@ -6,6 +6,11 @@ import pandas as pd
 NAMES = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 
 
+def series_of(*columns):
+    """Time [s], current [A], voltage [V] and, where given, charge [Ah] as columns by name."""
+    return dict(zip(NAMES, columns, strict=False))
+
+
 def counted(time, current):
     """Net charge since the first row (n,) [Ah], by trapezoids."""
     middle = (current[1:] + current[:-1]) / 2

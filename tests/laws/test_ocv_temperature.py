@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from counted import series_of
 
 import cellwright as cw
 from cellwright.laws.ocv import over_temperature as analysis
@@ -213,7 +214,9 @@ def a123(folder, name, celsius):
         parts.append([*columns, charge - charge[0] + offset[1], np.full(len(time), script - 1)])
         offset = parts[-1][0][-1] + 3600, parts[-1][3][-1]
     *series, files = (np.concatenate(column) for column in zip(*parts, strict=True))
-    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    curve = slow_ocv(
+        series_of(*series) | {"file_index": files}, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6
+    )
     facts = {"test": name, "cycle": None, "ambient_temperature_celsius": celsius}
     return curve._asdict() | facts
 

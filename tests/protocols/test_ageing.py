@@ -44,13 +44,13 @@ def run(columns, *, lower=3.0, upper=4.0, first_cycle=None, state_before=""):
 
 def test_complete_cycles_are_numbered_and_counted():
     rows = run(series((-1.0, 0.0), (1.0, 1.0), (-2.0, 0.0)), first_cycle=100).rows
-    assert rows.direction.tolist() == ["discharge", "charge", "discharge"]
-    assert rows.cycle.tolist() == [101, 102, 102]
-    assert rows.capacity_ampere_hour == pytest.approx(2.0, abs=0.02)
-    assert rows.c_rate == pytest.approx([0.5, 0.5, 1.0])
-    assert rows.energy_watt_hour == pytest.approx(7.0, rel=0.01)
-    assert np.isnan(rows.coulombic_efficiency[:2]).all()
-    assert rows.coulombic_efficiency[2] == pytest.approx(1, abs=0.01)
+    assert rows["direction"].tolist() == ["discharge", "charge", "discharge"]
+    assert rows["cycle"].tolist() == [101, 102, 102]
+    assert rows["capacity_ampere_hour"] == pytest.approx(2.0, abs=0.02)
+    assert rows["c_rate"] == pytest.approx([0.5, 0.5, 1.0])
+    assert rows["energy_watt_hour"] == pytest.approx(7.0, rel=0.01)
+    assert np.isnan(rows["coulombic_efficiency"][:2]).all()
+    assert rows["coulombic_efficiency"][2] == pytest.approx(1, abs=0.01)
 
 
 def losing_in_the_first_load(columns, share):
@@ -66,7 +66,7 @@ def losing_in_the_first_load(columns, share):
 def test_the_efficiency_of_formation_is_told_of_a_new_cell(first_cycle, told):
     cycles = series((1.0, 1.0), (-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0), soc=0.0)
     rows = run(losing_in_the_first_load(cycles, 0.7), first_cycle=first_cycle).rows
-    found = rows.coulombic_efficiency[rows.direction == "discharge"]
+    found = rows["coulombic_efficiency"][rows["direction"] == "discharge"]
     np.testing.assert_allclose(found, [told, 1.0], rtol=0.02)
 
 
@@ -75,40 +75,40 @@ def test_a_negative_electrode_begins_its_cycles_with_a_discharge():
     columns = losing_in_the_first_load(columns, 0.9)
     columns["voltage_volt"] -= 2.99
     rows = run(columns, lower=0.01, upper=1.01, state_before="full").rows
-    assert np.isnan(rows.coulombic_efficiency[rows.direction == "discharge"]).all()
-    found = rows.coulombic_efficiency[rows.direction == "charge"]
+    assert np.isnan(rows["coulombic_efficiency"][rows["direction"] == "discharge"]).all()
+    found = rows["coulombic_efficiency"][rows["direction"] == "charge"]
     np.testing.assert_allclose(found, [0.9, 1.0], rtol=0.02)
 
 
 def test_temperatures_are_of_the_half_cycle():
     rows = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.0))).rows
-    assert rows.room_temperature_celsius == pytest.approx([20, 21, 22], abs=0.05)
-    assert rows.temperature_start_celsius == pytest.approx([21, 21, 22], abs=0.1)
-    assert rows.temperature_mean_celsius == pytest.approx([21, 22, 23], abs=0.05)
+    assert rows["room_temperature_celsius"] == pytest.approx([20, 21, 22], abs=0.05)
+    assert rows["temperature_start_celsius"] == pytest.approx([21, 21, 22], abs=0.1)
+    assert rows["temperature_mean_celsius"] == pytest.approx([21, 22, 23], abs=0.05)
 
 
 def test_without_temperatures_they_are_not_known():
     bare = {k: v for k, v in series((-1.0, 0.0), (1.0, 1.0)).items() if "temperature" not in k}
     rows = run(bare).rows
-    assert np.isnan(rows.room_temperature_celsius).all()
-    assert np.isnan(rows.temperature_start_celsius).all()
+    assert np.isnan(rows["room_temperature_celsius"]).all()
+    assert np.isnan(rows["temperature_start_celsius"]).all()
 
 
 def test_a_cut_cycle_takes_the_next_half_with_it():
     ageing = run(series((-1.0, 0.0), (1.0, 1.0), (-1.0, 0.5), (1.0, 1.0), (-1.0, 0.0)))
-    assert ageing.rows.cycle.tolist() == [1, 2, 3]
-    assert ageing.rows.direction.tolist() == ["discharge", "charge", "discharge"]
+    assert ageing.rows["cycle"].tolist() == [1, 2, 3]
+    assert ageing.rows["direction"].tolist() == ["discharge", "charge", "discharge"]
     discharge, charge = ageing.left_out
     assert "1 of 3 discharges left out (cycles 2)" in discharge
     assert "cycle 2: it ends at 3.500 V, before the cut-off of 3 V" in discharge
     assert "cycle 3: it does not start empty: what came before was cut short" in charge
-    assert np.isnan(ageing.rows.coulombic_efficiency[2])
+    assert np.isnan(ageing.rows["coulombic_efficiency"][2])
 
 
 def test_a_pulsed_discharge_counts():
     rows = run(series((-4.0, 0.0), (1.0, 1.0), (-4.0, 0.0), pulses=True)).rows
-    assert rows.direction.tolist() == ["discharge", "charge", "discharge"]
-    assert rows.c_rate[[0, 2]] == pytest.approx(2.0)
+    assert rows["direction"].tolist() == ["discharge", "charge", "discharge"]
+    assert rows["c_rate"][[0, 2]] == pytest.approx(2.0)
 
 
 def test_a_hold_after_a_pause_is_part_of_the_charge():
@@ -125,12 +125,12 @@ def test_a_hold_after_a_pause_is_part_of_the_charge():
     changed = {"current_ampere": current, "voltage_volt": voltage}
     rows = run(columns | changed | {"charge_ampere_hour": counted(time, current)}).rows
     held = current[begin : begin + 40].sum() * 10 / 3600
-    assert rows.capacity_ampere_hour[1] == pytest.approx(2.0 + held, abs=0.01)
+    assert rows["capacity_ampere_hour"][1] == pytest.approx(2.0 + held, abs=0.01)
 
 
 def test_a_record_from_an_unknown_start_begins_with_the_next_half():
     ageing = run(series((1.0, 1.0), (-1.0, 0.0), soc=0.4))
-    assert ageing.rows.direction.tolist() == ["discharge"]
+    assert ageing.rows["direction"].tolist() == ["discharge"]
     assert "already held 40.0%, for the discharge after it moves 1.999 Ah" in ageing.left_out[0]
 
 
@@ -153,5 +153,5 @@ def test_what_an_offset_counts_at_rest_is_no_half_cycle():
     time, current = longer["test_time_second"], longer["current_ampere"]
     longer["charge_ampere_hour"] = counted(time, current)
     ageing = run(longer)
-    assert ageing.rows.cycle.tolist() == [1, 2]
+    assert ageing.rows["cycle"].tolist() == [1, 2]
     assert "it has no load: only -0.004 A read at rest was counted" in ageing.left_out[0]

@@ -114,8 +114,8 @@ def test_what_cleaning_took_out_of_rests_may_flow_under_load_too(offset):
     steps = segment(*data, rated_capacity_ampere_hour=2.0)
     test, cell = TestFacts("a", "ageing"), CellFacts("A", 2.0, 3.0, 4.0)
     cycles = ageing_cycles(series, steps, test, cell).rows
-    wrong = np.abs(cycles.capacity_ampere_hour - 2.0)
-    assert np.all(wrong < 1.96 * cycles.capacity_std_ampere_hour)
+    wrong = np.abs(cycles["capacity_ampere_hour"] - 2.0)
+    assert np.all(wrong < 1.96 * cycles["capacity_std_ampere_hour"])
 
 
 def test_repeats_are_averaged_and_rates_kept_apart():

@@ -241,17 +241,17 @@ def joined(arrays, table):
 @pytest.mark.parametrize("pauses", [(60.0, 60.0), (3600.0, 600.0)])
 def test_pauses_neither_add_nor_take_peaks(pauses):
     arrays, table = interrupted(*pauses)
-    charge = joined(arrays, table)
-    _, found = found_in(arrays[2][charge.rows], arrays[3][charge.rows])
+    kept, notes = joined(arrays, table)
+    _, found = found_in(arrays[2][kept], arrays[3][kept])
     np.testing.assert_allclose(found.voltage_volt, VOLT[TOPS] + 0.4 * 0.05, atol=3e-3)
     np.testing.assert_allclose(found.height_ampere_hour_per_volt, DENSITY[TOPS], rtol=0.06)
-    assert "interrupted 2 ×" in charge.notes[0]
+    assert "interrupted 2 ×" in notes[0]
 
 
 def test_a_second_stage_is_no_part_and_where_the_curve_begins_is_said():
     arrays, table = interrupted(amperes=(0.4, 0.2))
     moved = [np.ptp(arrays[3][arrays[1] == ampere]) for ampere in (0.4, 0.2)]
-    charge = joined(arrays, table)
+    kept, notes = joined(arrays, table)
     larger, other = (0.4, 0.2) if moved[0] >= moved[1] else (0.2, 0.4)
-    assert set(arrays[1][charge.rows]) == {larger}
-    assert f"the current is {other:g} A instead of {larger:g} A" in charge.notes[0]
+    assert set(arrays[1][kept]) == {larger}
+    assert f"the current is {other:g} A instead of {larger:g} A" in notes[0]

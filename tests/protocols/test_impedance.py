@@ -15,7 +15,7 @@ from cellwright.protocols.impedance.arcs import (
     contract,
     why_inseparable,
 )
-from cellwright.protocols.impedance.candidates import best, compare
+from cellwright.protocols.impedance.candidates import compare, criterion_of, least
 from cellwright.protocols.impedance.circuits import circuit_impedance, parse, parse_constraints
 from cellwright.protocols.impedance.fit import (
     TYPES,
@@ -44,6 +44,10 @@ def table():
     return [
         (truth, noisy(thesis_impedance(truth), seed=seed)) for seed, (truth, _) in enumerate(pairs)
     ]
+
+
+def best(candidates, *, criterion):
+    return candidates[least(criterion_of(candidates, criterion))]
 
 
 def test_the_45_spectra_of_table_3_1_are_recovered_within_its_errors(table):

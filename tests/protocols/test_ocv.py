@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from counted import series_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -47,7 +48,7 @@ def both(**settings):
 
 
 def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
-    curve = slow_ocv(*both(hysteresis=0.01), **CUTOFFS)
+    curve = slow_ocv(series_of(*both(hysteresis=0.01)), **CUTOFFS)
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=2e-3)
     np.testing.assert_allclose(curve.half_gap_volt[5:-5], 0.015, atol=1e-3)
     assert (curve.branches, curve.joined_by, curve.note) == ("both", "mean", "")
@@ -60,7 +61,7 @@ def test_mean_of_the_branches_is_the_truth_behind_resistance_and_hysteresis():
 def test_what_comes_at_once_as_the_current_starts_and_stops_is_its_resistance():
     down, up = (ramp(*ends, step_second=10) for ends in ((1, 0), (0, 1)))
     columns = record(rest(1), down, rest(0), up, rest(1), step_second=10)
-    found = slow_ocv(*columns, **CUTOFFS).step_volt
+    found = slow_ocv(series_of(*columns), **CUTOFFS).step_volt
     assert found == pytest.approx(CURRENT * RESISTANCE, abs=3e-4)
 
 
@@ -84,14 +85,14 @@ def test_where_a_branch_does_not_reach_the_other_tells_the_end(missing, end):
 def test_noise_never_makes_the_table_fall(noise, seed):
     time, current, voltage, charge = both()
     voltage = voltage + noise * np.random.default_rng(seed).standard_normal(len(voltage))
-    curve = slow_ocv(time, current, voltage, charge, **CUTOFFS)
+    curve = slow_ocv(series_of(time, current, voltage, charge), **CUTOFFS)
     assert (np.diff(curve.ocv_volt) > 0).all()
     assert curve.moved_volt < 10 * noise + 2e-6
     assert np.abs(curve.ocv_volt - true_ocv(curve.soc))[2:-2].max() < 3e-3 + 2 * noise
 
 
 def test_discharge_alone_keeps_its_overpotential_for_the_models():
-    curve = slow_ocv(*record(rest(1), ramp(1, 0), rest(0)), **CUTOFFS)
+    curve = slow_ocv(series_of(*record(rest(1), ramp(1, 0), rest(0))), **CUTOFFS)
     expected = true_ocv(curve.soc) - CURRENT * RESISTANCE
     np.testing.assert_allclose(curve.ocv_volt, expected, atol=2e-3)
     assert (curve.branches, curve.joined_by) == ("discharge", "single")
@@ -100,7 +101,7 @@ def test_discharge_alone_keeps_its_overpotential_for_the_models():
 
 
 def test_charge_alone():
-    curve = slow_ocv(*record(rest(0), ramp(0, 1), rest(1)), **CUTOFFS)
+    curve = slow_ocv(series_of(*record(rest(0), ramp(0, 1), rest(1))), **CUTOFFS)
     assert curve.branches == "charge"
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
     assert np.isnan(curve.discharge_current_ampere)
@@ -111,7 +112,7 @@ def test_charge_that_ends_at_a_hold_is_extended_by_the_gap():
     hold = 0.5 * CURRENT * np.ones(960), np.full(960, 4.2)
     down, up = ramp(1, 0, resistance=5.0), ramp(0, 0.6, resistance=5.0)
     series = record(rest(1), down, rest(0), up, hold, rest(1))
-    curve = slow_ocv(*series, lower_cutoff_volt=2.52, upper_cutoff_volt=4.2)
+    curve = slow_ocv(series_of(*series), lower_cutoff_volt=2.52, upper_cutoff_volt=4.2)
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=4e-3)
     assert curve.measured_soc == pytest.approx((0, 0.6), abs=0.006)
     assert np.isnan(curve.charge_volt[curve.soc > 0.61]).all()
@@ -129,14 +130,16 @@ def test_four_files_count_the_remainder_but_show_only_the_slow_voltages():
     series = record(*(piece for pieces in files for piece in pieces))
     lengths = [sum(len(piece[0]) for piece in pieces) for pieces in files]
     settings = {"lower_cutoff_volt": 3.1, "upper_cutoff_volt": 4.1}
-    curve = slow_ocv(*series, file_index=np.repeat(range(4), lengths), **settings)
+    curve = slow_ocv(series_of(*series) | {"file_index": np.repeat(range(4), lengths)}, **settings)
     assert curve.joined_by == "equilibrium"
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
     assert np.isnan(curve.discharge_volt[curve.soc < 0.09]).all()
     assert np.isnan(curve.charge_volt[curve.soc > 0.91]).all()
     assert curve.ocv_volt[100] == pytest.approx(true_ocv(0.5), abs=2e-3)
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=0.025)
-    mean = slow_ocv(*series, **settings)  # as one file: no branch is known to be conditioned
+    mean = slow_ocv(
+        series_of(*series), **settings
+    )  # as one file: no branch is known to be conditioned
     np.testing.assert_allclose(mean.ocv_volt, true_ocv(mean.soc), atol=3e-3)
 
 
@@ -144,8 +147,8 @@ def test_the_first_of_several_cycles_is_taken():
     pieces = [rest(1), ramp(1, 0), rest(0), ramp(0, 1), rest(1)]
     worse = [ramp(1, 0, hysteresis=0.03), rest(0), ramp(0, 1, hysteresis=0.03), rest(1)]
     once, twice = (
-        slow_ocv(*record(*pieces), **CUTOFFS),
-        slow_ocv(*record(*pieces, *worse), **CUTOFFS),
+        slow_ocv(series_of(*record(*pieces)), **CUTOFFS),
+        slow_ocv(series_of(*record(*pieces, *worse)), **CUTOFFS),
     )
     np.testing.assert_allclose(once.discharge_volt, twice.discharge_volt)
     np.testing.assert_allclose(once.charge_volt, twice.charge_volt)
@@ -155,7 +158,7 @@ def test_an_offset_of_the_current_is_noted_and_does_not_shift_the_branches():
     time, current, voltage, _ = both()
     read = np.where(current == 0, 0.0, current - 0.005)
     charge = np.cumsum(read) / 60
-    curve = slow_ocv(time, read, voltage, charge, **CUTOFFS)
+    curve = slow_ocv(series_of(time, read, voltage, charge), **CUTOFFS)
     np.testing.assert_allclose(curve.ocv_volt, true_ocv(curve.soc), atol=2e-3)
     assert "an offset of -5 mA" in curve.note
     assert "capacity then 2 Ah" in curve.note
@@ -182,7 +185,7 @@ def leaking(leak, *, hold_hour=10.0, first_soc=1.0):
 @pytest.mark.parametrize("leak", [0.004, 0.015])
 def test_a_leak_shifts_neither_the_branches_nor_the_capacity(leak):
     """With 15 % of the slow current the discharge gives two thirds of what the charge takes."""
-    curve = slow_ocv(*leaking(leak), **CUTOFFS)
+    curve = slow_ocv(series_of(*leaking(leak)), **CUTOFFS)
     assert curve.branches == "both"
     assert curve.capacity_ampere_hour < 0.97 * CAPACITY < 1.03 * CAPACITY
     assert curve.charge_capacity_ampere_hour > 1.03 * CAPACITY
@@ -193,7 +196,7 @@ def test_a_leak_shifts_neither_the_branches_nor_the_capacity(leak):
 
 
 def test_a_discharge_that_did_not_begin_full_is_no_branch_of_a_leaking_cell():
-    curve = slow_ocv(*leaking(0.0, hold_hour=0.0, first_soc=0.7), **CUTOFFS)
+    curve = slow_ocv(series_of(*leaking(0.0, hold_hour=0.0, first_soc=0.7)), **CUTOFFS)
     assert curve.branches == "charge"
     assert curve.closed_capacity_ampere_hour == curve.capacity_ampere_hour
     assert curve.capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
@@ -206,7 +209,7 @@ def test_a_discharge_that_ends_before_its_cut_off_is_the_way_back_of_a_full_char
     """It ends 45 mV above the cut-off; what the charge then takes says whether it was empty."""
     down, up = ramp(1, short_of), ramp(0.0, 1)
     cutoffs = CUTOFFS | {"lower_cutoff_volt": down[1][-1] - 0.045}
-    curve = slow_ocv(*record(rest(1), down, rest(short_of), up, rest(1)), **cutoffs)
+    curve = slow_ocv(series_of(*record(rest(1), down, rest(short_of), up, rest(1))), **cutoffs)
     assert curve.branches == branches
 
 
@@ -228,7 +231,7 @@ def test_turning_points_ignore_a_dither():
 )
 def test_what_is_no_slow_full_branch_is_refused(pieces, reason):
     with pytest.raises(Refusal, match=reason):
-        slow_ocv(*record(*pieces), **CUTOFFS)
+        slow_ocv(series_of(*record(*pieces)), **CUTOFFS)
 
 
 def test_branches_that_do_not_overlap_are_refused():
@@ -236,7 +239,7 @@ def test_branches_that_do_not_overlap_are_refused():
     taper = CURRENT * np.exp(-np.arange(6000) / 840)  # 1.4 Ah
     pieces = rest(1), ramp(1, 0), rest(0), ramp(0, 0.3), (taper, np.full(6000, 3.38)), rest(1)
     with pytest.raises(Refusal, match="do not overlap at 50 %"):
-        slow_ocv(*record(*pieces), lower_cutoff_volt=3.01, upper_cutoff_volt=3.38)
+        slow_ocv(series_of(*record(*pieces)), lower_cutoff_volt=3.01, upper_cutoff_volt=3.38)
     time, current, voltage, charge = record(*pieces)
     leg = legs_of(time, current, voltage, charge, np.zeros(len(time), int))[0]
     soc, nothing = np.linspace(0, 1, 201), np.full(201, np.nan)
@@ -260,7 +263,9 @@ def read_a123(folder, temperature):
 
 def test_a123_at_25_degrees_meets_the_published_table(shared):
     *series, files = read_a123(shared / "campaigns/a123/raw/ocv", "P25")
-    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    curve = slow_ocv(
+        series_of(*series) | {"file_index": files}, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6
+    )
     soc = np.linspace(0.1, 0.9, 9)
     published = [3.1810, 3.2453, 3.2869, 3.2992, 3.3051, 3.3090, 3.3195, 3.3377, 3.3437]
     np.testing.assert_allclose(np.interp(soc, curve.soc, curve.ocv_volt), published, atol=5e-3)
@@ -269,7 +274,9 @@ def test_a123_at_25_degrees_meets_the_published_table(shared):
 
 def test_a123_in_the_cold_has_gaps_in_its_branches_but_none_in_its_ocv(shared):
     *series, files = read_a123(shared / "campaigns/a123/raw/ocv", "N25")
-    curve = slow_ocv(*series, file_index=files, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6)
+    curve = slow_ocv(
+        series_of(*series) | {"file_index": files}, lower_cutoff_volt=2.0, upper_cutoff_volt=3.6
+    )
     assert curve.capacity_ampere_hour == pytest.approx(2.0677, rel=0.01)
     assert np.isnan(curve.charge_volt[-1])
     assert (np.diff(curve.ocv_volt) > 0).all()
@@ -281,13 +288,13 @@ def test_a123_in_the_cold_has_gaps_in_its_branches_but_none_in_its_ocv(shared):
 )
 def test_a_cutoff_that_is_not_stated_is_named(lower, upper, named):
     with pytest.raises(Refusal, match=f"{named} .*is not stated, so no slow curve"):
-        slow_ocv(*both(), lower_cutoff_volt=lower, upper_cutoff_volt=upper)
+        slow_ocv(series_of(*both()), lower_cutoff_volt=lower, upper_cutoff_volt=upper)
 
 
 def test_a_discharge_that_does_not_start_full_is_no_branch():
     """From 90 % down, then a full charge: which is right, the charge after it tells."""
     columns = record(rest(0.9), ramp(0.9, 0), rest(0), ramp(0, 1), rest(1))
-    curve = slow_ocv(*columns, **CUTOFFS)
+    curve = slow_ocv(series_of(*columns), **CUTOFFS)
     assert curve.branches == "charge"
     assert curve.closed_capacity_ampere_hour == pytest.approx(CAPACITY, rel=1e-3)
     assert "its first discharge: it does not start full: it lacked 10.0%" in curve.note
@@ -296,19 +303,19 @@ def test_a_discharge_that_does_not_start_full_is_no_branch():
 def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
     columns = record(rest(0.4), ramp(0.4, 1), rest(1))
     with pytest.raises(Refusal, match=r"its first charge: .* after a rest at"):
-        slow_ocv(*columns, **CUTOFFS)
-    assert slow_ocv(*columns, **CUTOFFS, state_before="empty").branches == "charge"
+        slow_ocv(series_of(*columns), **CUTOFFS)
+    assert slow_ocv(series_of(*columns), **CUTOFFS, state_before="empty").branches == "charge"
     with pytest.raises(Refusal, match=r"its first charge: .* the sheet states an SoC of 0\.4"):
-        slow_ocv(*columns, **CUTOFFS, soc_at_start=0.4)
+        slow_ocv(series_of(*columns), **CUTOFFS, soc_at_start=0.4)
 
 
 def test_a_test_between_two_other_voltages_gives_no_scale():
     """Its charge moves what its discharge does, and both leave out the highest tenth."""
     columns = record(rest(0.9), ramp(0.9, 0), rest(0), ramp(0, 0.9), rest(0.9))
     with pytest.raises(Refusal, match=r"its first discharge: .* not known to start full"):
-        slow_ocv(*columns, **CUTOFFS)
+        slow_ocv(series_of(*columns), **CUTOFFS)
     with pytest.raises(Refusal, match=r"the sheet states an SoC of 0\.9"):
-        slow_ocv(*columns, **CUTOFFS, soc_at_start=0.9)
+        slow_ocv(series_of(*columns), **CUTOFFS, soc_at_start=0.9)
 
 
 def turned(rates):
@@ -333,6 +340,6 @@ def turned(rates):
 )
 def test_the_slowest_load_of_a_rate_test_is_the_slowest(rates, wanted):
     """And its opposite only where both have one rate."""
-    curve = slowest_load(*turned(rates), **CUTOFFS)
+    curve = slowest_load(series_of(*turned(rates)), **CUTOFFS)
     found = curve.discharge_current_ampere, curve.charge_current_ampere
     np.testing.assert_allclose(found, np.array(wanted) * CAPACITY, rtol=1e-6)

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from counted import NAMES
+from counted import NAMES, series_of
 
 import cellwright as cw
-from cellwright.protocols.ocv.rests import RestPoints, ocv_of_rests, rest_points
+from cellwright.protocols.ocv.rests import POINT, ocv_of_rests, rest_points
 from cellwright.records.anchor import rest_scale
 from cellwright.refusal import Refusal
 from cellwright.series.steps import segment
@@ -43,10 +43,14 @@ def record(*, portions=17, share=0.05, rest_second=3600, noise=0.0, lead=1.0, of
     return 5.0 * np.arange(len(read)), read, voltage, np.cumsum(read) * 5 / 3600
 
 
+def points_of(*columns):
+    return dict(zip(POINT, columns, strict=True))
+
+
 def found_from(columns, *, rated=CAPACITY, limits=LIMITS, **facts):
     steps = segment(*columns, rated_capacity_ampere_hour=rated)
     scale = rest_scale(*columns[1:], steps, rated_capacity_ampere_hour=rated, **limits, **facts)
-    points = rest_points(*columns, steps)
+    points = rest_points(series_of(*columns), steps)
     return ocv_of_rests(points, scale, **limits), scale, points
 
 
@@ -69,16 +73,16 @@ def test_truth_between_the_rests(noise):
 def test_what_is_still_to_relax_is_added_and_named():
     """After 30 min the pair of 900 s still lacks 13 % of its end: 2 mV, which are put back."""
     curve, _, points = found_from(record(rest_second=1800))
-    soc = 1 + points.charge_ampere_hour / CAPACITY
-    missing = true_ocv(soc) - points.end_volt
+    soc = 1 + points["charge_ampere_hour"] / CAPACITY
+    missing = true_ocv(soc) - points["end_volt"]
     assert 1e3 * missing[5:].min() > 0.8
-    assert 1e3 * np.abs(true_ocv(soc) - points.relaxed_volt)[5:].max() < 0.3
+    assert 1e3 * np.abs(true_ocv(soc) - points["relaxed_volt"])[5:].max() < 0.3
     assert "still to relax is added" in curve.note
     assert "half a hysteresis" in curve.note
 
 
 def test_rests_without_exponentials_are_taken_as_measured():
-    points = RestPoints(
+    points = points_of(
         -CAPACITY * np.linspace(0.05, 0.9, 8),
         true_ocv(1 - np.linspace(0.05, 0.9, 8)),
         *np.full((2, 8), np.nan),
@@ -117,7 +121,7 @@ def test_rests_after_charge_are_the_other_branch():
     both = np.concatenate([soc[::-1], soc])
     sign = np.repeat([-1, 1], 10)
     volt = true_ocv(both) + 0.012 * sign
-    points = RestPoints(
+    points = points_of(
         CAPACITY * (both - 1),
         volt,
         volt,
@@ -145,11 +149,11 @@ def test_pulses_before_the_first_long_rest_count():
     """180 s after a pulse of 15 s: the knee near full has a point of its own."""
     columns = record()
     _, _, points = found_from(columns)
-    assert points.rest_second.min() > 600  # 180 s after 20 s: not yet ten times its load
+    assert points["rest_second"].min() > 600  # 180 s after 20 s: not yet ten times its load
     time, current, voltage, charge = columns
     current = np.where((time < 30) & (current < -2.9) & (time >= 25), 0.0, current)
     _, _, points = found_from((time, current, voltage, charge))
-    assert points.rest_second.min() == pytest.approx(185, abs=10)
+    assert points["rest_second"].min() == pytest.approx(185, abs=10)
 
 
 @pytest.mark.parametrize(

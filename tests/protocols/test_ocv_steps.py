@@ -46,10 +46,14 @@ def steps(*rests):
     return SimpleNamespace(kind=["rest"] * len(rests), first_row=first, last_row=last)
 
 
-def shifts(columns, **settings):
-    time, voltage, celsius = columns
-    soc = np.full(len(time), 0.3)
-    return chamber_shifts(time, voltage, celsius, soc, steps((0, len(time) - 1)), **settings)
+def series_of(*columns):
+    names = ("test_time_second", "voltage_volt", "surface_temperature_celsius")
+    return dict(zip(names, columns, strict=True))
+
+
+def shifts(columns):
+    time = columns[0]
+    return chamber_shifts(series_of(*columns), np.full(len(time), 0.3), steps((0, len(time) - 1)))
 
 
 @pytest.mark.parametrize("relaxing_volt", [0.0, 0.004, -0.004])
@@ -90,7 +94,8 @@ def test_rests_are_joined_and_counted_and_the_first_without_steps_is_named():
     parts = steps((0, 99), (101, n - 1), (n, n + 800), (n + 801, 2 * n - 1))
     assert joined_rests(parts) == [(0, 99), (101, 2 * n - 1)]
     parts = steps((0, 99), (101, n - 1), (n + 1, 2 * n - 1))
-    step_shifts = chamber_shifts(time, np.tile(voltage, 2), np.tile(celsius, 2), soc, parts)
+    twice = series_of(time, np.tile(voltage, 2), np.tile(celsius, 2))
+    step_shifts = chamber_shifts(twice, soc, parts)
     assert {(row["rest"], row["soc"]) for row in step_shifts.rows} == {(1, 0.9), (2, 0.2)}
     assert len(step_shifts.notes) == 1
     assert "none away from the first" in step_shifts.notes[0]
@@ -107,7 +112,7 @@ def test_no_rest_and_no_step_are_refused():
         shifts(columns)
     nothing = SimpleNamespace(kind=["CC"], first_row=[0], last_row=[9])
     with pytest.raises(Refusal, match="no rest in the record"):
-        chamber_shifts(*columns, np.zeros(len(columns[0])), nothing)
+        chamber_shifts(series_of(*columns), np.zeros(len(columns[0])), nothing)
 
 
 def test_temperature_is_the_surface_then_the_chamber():
@@ -122,10 +127,10 @@ def test_temperature_is_the_surface_then_the_chamber():
 
 def test_plateaus_leave_the_way_between_out():
     time, celsius = chamber()
-    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=1.0, least_second=1200)
+    plateaus = plateaus_of(time, celsius)
     assert len(plateaus) == len(LEVELS) + 1
     assert np.allclose([p.celsius for p in plateaus[:-1]], LEVELS, atol=0.4)
-    assert plateaus_of(time[:5], celsius[:5], settled_kelvin_per_hour=1, least_second=60) == []
+    assert plateaus_of(time[:5], celsius[:5]) == []
 
 
 def test_an_exponential_is_carried_on():

@@ -30,7 +30,7 @@ def case(shared):
 def test_coarse_rows_count_the_edges_of_their_steps(case):
     """Twenty rows a half cycle: half of the first interval was missing, 2.5 % of the capacity."""
     series, steps, cell, facts = measured(case("models/knee_recovery"))
-    rows = pd.DataFrame(cw.ageing_cycles(series, steps, facts, cell).rows._asdict())
+    rows = pd.DataFrame(cw.ageing_cycles(series, steps, facts, cell).rows)
     first = rows[rows.cycle <= 20]
     true = 5.0 - 0.001 * first.cycle
     # Each cycle scatters by 4 mAh.
@@ -138,7 +138,7 @@ def test_a_looped_clock_is_within_the_deviation(case):
 def test_rows_of_cycles_that_stand_twice_count_once(case):
     folder = case("files/i05_ageing_block_twice")
     series, steps, cell, facts = measured(folder)
-    rows = pd.DataFrame(cw.ageing_cycles(series, steps, facts, cell).rows._asdict())
+    rows = pd.DataFrame(cw.ageing_cycles(series, steps, facts, cell).rows)
     wanted = json.loads((folder / "expected.json").read_text())["T15age/t"]["D"]
     found = rows[rows.direction == "discharge"].capacity_ampere_hour
     np.testing.assert_allclose(found, wanted, atol=0.0012)

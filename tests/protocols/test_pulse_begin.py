@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from counted import series_of
 
 from cellwright.protocols.pulse_begin import begin_of, late_among_others
 from cellwright.protocols.resistance import pulse_resistance
@@ -27,7 +28,7 @@ def rows_of(time, current, voltage):
     steps = segment(time, current, voltage, charge, rated_capacity_ampere_hour=RATED)
     soc = 0.5 + charge / RATED
     how = {"rated_capacity_ampere_hour": RATED, "delay_second": (0.0,)}
-    return pulse_resistance(time, current, voltage, soc, steps, **how).rows
+    return pulse_resistance(series_of(time, current, voltage), soc, steps, **how).rows
 
 
 def test_a_whole_pulse_is_sure():

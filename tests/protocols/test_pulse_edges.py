@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from counted import counted, measured
+from counted import counted, measured, series_of
 
 from cellwright.protocols.pulse_edges import (
     AT_A_ROW,
@@ -49,7 +49,7 @@ def measure(time, current, voltage, *, soc=0.8, delays=(0, 1.0), rated=RATED):
     steps = segment(time, current, voltage, counted(time, current), rated_capacity_ampere_hour=5.0)
     soc = np.broadcast_to(soc, len(time))
     about = {"rated_capacity_ampere_hour": rated, "delay_second": delays}
-    return pulse_resistance(time, current, voltage, soc, steps, **about)
+    return pulse_resistance(series_of(time, current, voltage), soc, steps, **about)
 
 
 def anywhere(random):

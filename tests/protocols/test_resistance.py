@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from counted import counted, measured
+from counted import counted, measured, series_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -37,7 +37,7 @@ def measure(time, current, voltage, *, rated=3.0, delays=(0, 1, 10), soc=None):
     steps = segment(time, current, voltage, charge, rated_capacity_ampere_hour=rated)
     soc = 0.5 + charge / rated if soc is None else soc
     about = {"rated_capacity_ampere_hour": rated, "delay_second": delays}
-    return pulse_resistance(time, current, voltage, soc, steps, **about)
+    return pulse_resistance(series_of(time, current, voltage), soc, steps, **about)
 
 
 @pytest.mark.parametrize("level", [-5.0, 3.0])
@@ -75,11 +75,11 @@ def test_a_step_whose_current_does_not_step_is_refused_and_divides_by_nothing():
     steps = segment(time, current, voltage, 0 * time, rated_capacity_ampere_hour=3.0)
     about = {"rated_capacity_ampere_hour": 3.0, "delay_second": (0, 1)}
     with pytest.raises(Refusal, match="current does not step into the pulse"):
-        pulse_resistance(time, 0 * current, voltage, 0 * time, steps, **about)
+        pulse_resistance(series_of(time, 0 * current, voltage), 0 * time, steps, **about)
     # Back at what was before it within the pulse: no ratio there, the others stay.
     row = int(np.flatnonzero(current)[40])
     current[row] = 0.0
-    found = pulse_resistance(time, current, voltage, 0 * time, steps, **about)
+    found = pulse_resistance(series_of(time, current, voltage), 0 * time, steps, **about)
     assert np.allclose(found.rows["resistance_ohm"], truth(np.array([0.1, 1])), rtol=1e-3)
 
 
@@ -128,7 +128,7 @@ def test_two_pieces_of_one_unsteady_load_tell_no_resistance():
     steps.last_row[1], steps.first_row[2] = cut - 1, cut
     steps.end_time_second[1] = steps.start_time_second[2] = time[cut - 1]
     about = {"rated_capacity_ampere_hour": 3.0, "delay_second": (0, 1)}
-    found = pulse_resistance(time, current, voltage, 0 * time, steps, **about)
+    found = pulse_resistance(series_of(time, current, voltage), 0 * time, steps, **about)
     assert found.rows["direction"].tolist() == ["charge", "charge"]
     assert np.allclose(found.rows["resistance_ohm"], truth(np.array([0.1, 1])))
     assert found.notes == ("2 × current does not step into the pulse",)

@@ -74,10 +74,10 @@ def test_discharges_count_though_most_charges_were_not_logged():
     parts = CYCLE * 12
     lost = [k for k in range(1, 24, 2) if k not in (5, 15)]
     whole, ageing = cycles_of(life(*parts)), cycles_of(life(*parts, lost=lost))
-    found = ageing.rows.direction == "discharge"
-    assert ageing.rows.cycle[found].tolist() == list(range(1, 13))
-    true = whole.rows.capacity_ampere_hour[whole.rows.direction == "discharge"]
-    assert ageing.rows.capacity_ampere_hour[found] == pytest.approx(true, rel=2e-3)
+    found = ageing.rows["direction"] == "discharge"
+    assert ageing.rows["cycle"][found].tolist() == list(range(1, 13))
+    true = whole.rows["capacity_ampere_hour"][whole.rows["direction"] == "discharge"]
+    assert ageing.rows["capacity_ampere_hour"][found] == pytest.approx(true, rel=2e-3)
     assert "9 of 12 discharges counted by their rest" in ageing.notes[0]
     assert "as before cycles that start full" in ageing.notes[0]
     assert not ageing.left_out
@@ -103,16 +103,16 @@ def test_the_test_before_tells_that_it_starts_full():
 
 def test_a_charge_cut_short_is_not_made_full_by_its_rest():
     ageing = cycles_of(life((-1.0, 3.0), (1.0, 4.12), (-1.0, 3.0), (1.0, 4.2), (-1.0, 3.0)))
-    discharges = ageing.rows.direction == "discharge"
-    assert ageing.rows.cycle[discharges].tolist() == [1, 3]
+    discharges = ageing.rows["direction"] == "discharge"
+    assert ageing.rows["cycle"][discharges].tolist() == [1, 3]
     assert any("what came before was cut short" in words for words in ageing.left_out)
 
 
 def test_a_second_slower_discharge_is_not_a_new_one():
     """What a slow discharge still takes out after a fast one belongs to the same half cycle."""
     ageing = cycles_of(life((-4.0, 3.0), (-0.2, 3.0), (1.0, 4.2), (-1.0, 3.0)))
-    discharges = ageing.rows.direction == "discharge"
-    assert ageing.rows.cycle[discharges].tolist() == [1, 2]
+    discharges = ageing.rows["direction"] == "discharge"
+    assert ageing.rows["cycle"][discharges].tolist() == [1, 2]
 
 
 def dated(name, columns, begin_second):

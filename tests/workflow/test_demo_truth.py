@@ -83,7 +83,7 @@ def test_half_hour_rate_capacity_within_a_tenth_of_a_percent(cell):
 def test_slow_curve_is_the_equilibrium_within_its_polarisation(cell):
     """Mean of the branches against the rested voltage, 10–90 %: the rest is asymmetry."""
     columns, _ = _record(cell, "ocv_25C")
-    curve = slow_ocv(*columns, **LIMITS)
+    curve = slow_ocv(_series(columns), **LIMITS)
     soc = np.linspace(0.1, 0.9, 33)
     rested = np.interp(soc, *(_true("ocv", column, cell=cell) for column in ("soc", "ocv_volt")))
     error = np.interp(soc, curve.soc, curve.ocv_volt) - rested
@@ -96,12 +96,12 @@ def test_slow_curve_is_the_equilibrium_within_its_polarisation(cell):
 @pytest.mark.parametrize("cell", PULSED)
 def test_ten_second_resistance_within_two_percent(cell):
     columns, steps = _record(cell, "hppc_25C")
-    time, current, voltage, charge = columns
+    _, current, voltage, charge = columns
     (full,) = _true("health", "capacity_ampere_hour", cell=cell)
     settings = {"capacity_ampere_hour": full, "soc_at_start": 1.0, **LIMITS}
     soc = soc_series(charge, current, voltage, **settings).soc
     rows = pulse_resistance(
-        time, current, voltage, soc, steps, rated_capacity_ampere_hour=RATED, delay_second=(10.0,)
+        _series(columns), soc, steps, rated_capacity_ampere_hour=RATED, delay_second=(10.0,)
     ).rows
     pulses = {"cell": cell, "test": "hppc_25C", "direction": "discharge", "delay_second": "10.0"}
     true = _true("resistance", "resistance_ohm", **pulses)

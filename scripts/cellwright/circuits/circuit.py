@@ -3,7 +3,8 @@
 Every branch is one thing: a drive (a static function of the current), of which a share acts at
 once and the rest through first-order lags. Its voltage in time, its sensitivities and its states
 in a filter all follow from that one definition. A new effect is a new entry in
-`KINDS`; nothing else needs to know it.
+`KINDS`, which holds all that any room must know of it: what a room does with a branch follows from
+this entry and from the names of its parameters, never from a list of kinds of its own.
 
 A member of the family that is identified is named by one grammar, `member_named`.
 """
@@ -55,6 +56,8 @@ class Kind(NamedTuple):
     linear : the drive is proportional to the current, so the branch has an impedance.
     closes : a turn of less charge than the last closes its loop (`numerics.hysteresis.preisach`);
         the lag is that of a whole branch, by which what knows only lags takes it.
+    over_current : PyBaMM's Thevenin model has an element with these parameters, its resistance a
+        function of the current. no_element : why that model has none, in words; "": it has one.
     """
 
     parameters: tuple
@@ -63,6 +66,18 @@ class Kind(NamedTuple):
     output: str = "volt"
     linear: bool = True
     closes: bool = False
+    over_current: bool = False
+    no_element: str = ""
+
+    @property
+    def follows_charge(self):
+        """Whether its voltage follows the charge that passed, not the current: a hysteresis."""
+        return "m_volt" in self.parameters
+
+    @property
+    def of_charge_transfer(self):
+        """Whether its resistance is that of charge transfer, which falls with the current."""
+        return "r_ohm" in self.parameters and not self.linear
 
 
 def _no_lag(**_parameters):
@@ -175,38 +190,62 @@ KINDS = {
     # Ohmic resistance.
     "R": Kind(("r_ohm",), _ohmic, _no_lag),
     # Ohmic resistance that differs by the direction of the current (thesis, appendix B).
-    "R_two_way": Kind(("r_charge_ohm", "r_discharge_ohm"), _one_way, _no_lag, linear=False),
+    "R_two_way": Kind(
+        *(("r_charge_ohm", "r_discharge_ohm"), _one_way, _no_lag), linear=False, over_current=True
+    ),
     # RC pair (thesis 2.7–2.13). A state of the low-pass of (2.5), f' = α·f + I, is one with
     # r_ohm = −g/(1 − α), of either sign, and tau_second = −Δt/ln α.
     "RC": Kind(("r_ohm", "tau_second"), _ohmic, _one_lag),
     # RC pair whose resistance differs by the direction of the current.
     "RC_two_way": Kind(
-        *(("r_charge_ohm", "r_discharge_ohm", "tau_second"), _one_way, _one_lag), linear=False
+        *(("r_charge_ohm", "r_discharge_ohm", "tau_second"), _one_way, _one_lag),
+        linear=False,
+        over_current=True,
     ),
     # Charge transfer by the Butler–Volmer equation with equal transfer coefficients, then an RC's
     # lag: resistance r_ohm at small currents; scale_volt is 2RT/F for one electrode.
-    "kinetic": Kind(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag, linear=False),
+    "kinetic": Kind(
+        *(("r_ohm", "tau_second", "scale_volt"), _kinetic, _one_lag),
+        linear=False,
+        over_current=True,
+    ),
     # The same without a lag, by its exchange current: V = r·I0·x, I/I0 = exp(a·x) − exp((a − 1)·x),
     # a the transfer coefficient of charge; 2·r·I0·asinh(I/2I0) at one half. Where r_ohm changes
     # with temperature or SoC, its scale in volts goes with it.
     "charge_transfer": Kind(
-        *(("r_ohm", "exchange_ampere", "charge_coefficient"), _transfer, _no_lag), linear=False
+        *(("r_ohm", "exchange_ampere", "charge_coefficient"), _transfer, _no_lag),
+        linear=False,
+        no_element="its kinetics here have no lag, and a resistor that no element holds",
     ),
     # Finite-length Warburg element: r_ohm·tanh(√(jωτ))/√(jωτ).
     "warburg": Kind(("r_ohm", "tau_second"), _ohmic, _plane),
     # Diffusion in a sphere, as a voltage: its series from Crank 6.45.
     "warburg_sphere": Kind(("r_ohm", "tau_second"), _ohmic, _sphere),
     # One-state hysteresis (thesis 2.5, 2.16): relaxes to ±m_volt with the charge passed.
-    "hysteresis": Kind(("m_volt", "charge_ampere_hour"), _sign, _charge_lag, linear=False),
+    "hysteresis": Kind(
+        *(("m_volt", "charge_ampere_hour"), _sign, _charge_lag), linear=False, over_current=True
+    ),
     # The same along a whole charge or discharge, but small loops close: stops of many widths.
     "preisach": Kind(
-        *(("m_volt", "charge_ampere_hour"), _sign, _charge_lag), linear=False, closes=True
+        *(("m_volt", "charge_ampere_hour"), _sign, _charge_lag),
+        linear=False,
+        closes=True,
+        no_element="none of its elements remembers where the charge turned",
     ),
     # Zero-state hysteresis (thesis 2.3–2.4): ±m_volt by the sign of the last current, not of noise.
-    "switch": Kind(("m_volt",), _last_sign, _no_lag, linear=False),
+    "switch": Kind(
+        *(("m_volt",), _last_sign, _no_lag),
+        linear=False,
+        no_element="none of its elements remembers at rest which way the last current ran",
+    ),
     # Diffusion in the particles of the electrode that limits: the OCV is taken at the surface's
     # SoC, which leads the mean by soc_per_ampere·I in the steady state.
-    "diffusion": Kind(("soc_per_ampere", "tau_second"), _gain, _sphere, output="soc"),
+    "diffusion": Kind(
+        *(("soc_per_ampere", "tau_second"), _gain, _sphere),
+        output="soc",
+        no_element="its diffusion element is a plane sheet whose gain its time constant fixes, "
+        "not a sphere with a gain of its own",
+    ),
 }
 
 

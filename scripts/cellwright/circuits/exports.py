@@ -21,23 +21,14 @@ from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pybamm/1"
 DIVIDED = {"r_ohm", "m_volt"}  # parameters that a capacitance is made by
-# Of the kinds that are not linear, these are PyBaMM's elements with parameters over the current.
-OVER_CURRENT = ("R_two_way", "RC_two_way", "kinetic", "hysteresis")
 SAME_SOC = 1e-9
-NO_ELEMENT = {
-    "switch": "none of its elements remembers at rest which way the last current ran",
-    "preisach": "none of its elements remembers where the charge turned",
-    "charge_transfer": "its kinetics here have no lag, and a resistor that no element holds",
-    "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
-    "not a sphere with a gain of its own",
-}
 
 
 def pybamm_parameters(model, member, temperature_celsius):
     """Tables over SoC of a model's member at one temperature, for PyBaMM's Thevenin model.
 
     PyBaMM's OCV knows no temperature, so there is one set per temperature. Linear kinds become a
-    resistor and RC elements; the kinds of `OVER_CURRENT` keep their parameters, which the loader
+    resistor and RC elements; kinds that are `over_current` keep their parameters, which the loader
     turns into an element whose resistance depends on the current.
 
     Parameters
@@ -219,11 +210,11 @@ def _temperatures(member):
 def _elements(branch, points):
     """Resistance that acts at once (n,), and the elements, of one branch on a grid of SoC."""
     kind, parameters = KINDS[branch.kind], branch.parameters
-    if branch.kind in OVER_CURRENT:
+    if kind.over_current:
         sizes = {name: _positive(parameters[name]) for name in DIVIDED & parameters.keys()}
         return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
     if not kind.linear or kind.output != "volt":
-        reason = NO_ELEMENT.get(branch.kind, "it has no such element")
+        reason = kind.no_element or "it has no such element"
         raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
     gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
     direct = 1.0 - sum(lag.share for lag in lags)

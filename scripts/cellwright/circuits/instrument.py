@@ -31,8 +31,6 @@ ABOUT = {
     "own_heat": "the cell is warmer inside than was measured",
 }
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
-# Kinds whose voltage follows the charge, not the current.
-FOLLOWS = ("switch", "hysteresis", "preisach")
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 # ASSUME: However cold, a cell keeps a tenth of its capacity; a straight line would end at none.
 LEAST_CAPACITY = 0.1
@@ -303,7 +301,8 @@ def at_once(circuit):
     return [
         k
         for k, branch in enumerate(circuit)
-        if branch.kind not in FOLLOWS and not KINDS[branch.kind].lags(**branch.parameters)
+        if not KINDS[branch.kind].follows_charge
+        and not KINDS[branch.kind].lags(**branch.parameters)
     ]
 
 
@@ -346,13 +345,15 @@ def with_history(
     passed = np.abs(mean_over_steps(current, hold)) * steps / 3600.0
     over_volt = np.array(over_volt)
     for k, branch in enumerate(circuit):
-        p = branch.parameters
-        if branch.kind == "hysteresis":
+        p, kind = branch.parameters, KINDS[branch.kind]
+        if not kind.follows_charge:
+            continue
+        if kind.closes:
+            over_volt[k] = closing(branch, steps, current, hold, start=direction[0])
+        elif "charge_ampere_hour" in p:
             charge = np.broadcast_to(p["charge_ampere_hour"], current.shape)[:-1]
             decayed = lag_by_charge(passed, charge, np.ones(len(passed)))
             over_volt[k] += direction[0] * p["m_volt"] * (1.0 - decayed)
-        if branch.kind == "preisach":
-            over_volt[k] = closing(branch, steps, current, hold, start=direction[0])
-        if branch.kind == "switch":
+        else:
             over_volt[k] = direction * p["m_volt"]
     return over_volt

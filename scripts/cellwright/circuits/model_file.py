@@ -130,7 +130,7 @@ def with_shared_scale(circuit):
     -------
     circuit : tuple of Branch, each kinetic one with its own scale.
     """
-    kinetic = [branch.parameters["r_ohm"] for branch in circuit if branch.kind == "kinetic"]
+    kinetic = [b.parameters["r_ohm"] for b in circuit if "scale_volt" in b.parameters]
     total = np.maximum(sum(kinetic), SMALLEST_RESISTANCE_OHM)
 
     def shared(parameters):
@@ -139,7 +139,7 @@ def with_shared_scale(circuit):
 
     return tuple(
         branch._replace(parameters=shared(branch.parameters))
-        if branch.kind == "kinetic"
+        if "scale_volt" in branch.parameters
         else branch
         for branch in circuit
     )

@@ -17,7 +17,7 @@ def advised(found, result, library, untestable, place):
 
     Parameters
     ----------
-    found : search.Found of a cell. result : verdict.Outcome of it.
+    found : search.Search of a cell. result : verdict.Outcome of it.
     library : dict of Effect by id. untestable : ids that the records cannot show.
     place : dict, see `judge.worst`; None: unknown.
 

@@ -256,7 +256,7 @@ def searched(case, library):
 
     Returns
     -------
-    found : search.Found. result : verdict.Outcome. fitted : Fitted, of its last model.
+    found : search.Search. result : verdict.Outcome. fitted : Fitted, of its last model.
     """
     # Rivals first of their stage: the heat of the core is that of the resistances in the end.
     return _with_outcome(search(case, OUTSIDE | library))
@@ -356,7 +356,7 @@ def ranking_of(found, result):
 
     Parameters
     ----------
-    found : search.Found. result : verdict.Outcome of it.
+    found : search.Search. result : verdict.Outcome of it.
 
     Returns
     -------

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.circuit import KINDS
-from cellwright.circuits.instrument import FOLLOWS, words_of
+from cellwright.circuits.instrument import words_of
 from cellwright.circuits.model_file import std_name
 from cellwright.circuits.temperature import GAS_CONSTANT, ZERO_CELSIUS_KELVIN, continued_ocv_at
 from cellwright.effects import base
@@ -154,9 +154,9 @@ def _condition(searched, tables, celsius):
     capacity = _probed(searched, celsius, -1.0, ("current", *PROBED)).capacity
     for effect in (e for e in searched.effects if e.circuit):
         r0, kind, parameters = effect.circuit(effect.sizes_of(values), r0, capacity, KNOTS)
-        if kind == "diffusion":  # of particles, which even out slower in the cold
+        if KINDS[kind].output == "soc":  # of particles, which even out slower in the cold
             parameters = {name: one * out.tau_factor for name, one in parameters.items()}
-        if kind == "charge_transfer":
+        if "exchange_ampere" in parameters:
             parameters["exchange_ampere"] = parameters["exchange_ampere"] * out.exchange_factor
         branches.append(_branch(kind, None, **parameters))
     shift = out.ocv - continued_ocv_at(tables, KNOTS, celsius)
@@ -235,7 +235,7 @@ def _blocks(effects, values, tested, branches):
     blocks = {"counting": {name: float(size) for name, size in sizes.items()}}
     for effect in (e for e in effects if e.blocks):
         blocks = effect.blocks(effect.sizes_of(values), blocks)
-    if any(branch["kind"] in FOLLOWS for branch in branches):
+    if any(KINDS[branch["kind"]].follows_charge for branch in branches):
         blocks["history"] = {"near_end_soc": NEAR_END}
     if "own_heat" in blocks:
         # The search takes the heat of the plain circuit, without the loss of slow diffusion.

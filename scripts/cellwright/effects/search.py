@@ -105,28 +105,39 @@ class Beside(NamedTuple):
     tied: tuple = ()
 
 
-class Found(NamedTuple):
-    """What a search ends with.
+class Search(NamedTuple):
+    """A search: what its fits need, and what it has come to, in the end what it has found.
 
-    case, possible : what was searched, and its effects by key. yardstick : state.Yardstick.
-    plain, model : Model without effects, and with all that predict better. models : dict of every
-    Model that was fitted, by its keys. beside : tuple of Beside, of each effect of the model, that
-    with the largest gain first. spaces : space.Space about the plain model, and about the last.
-    floor : floor.Floor. denied : keys of effects that a measurement outside the fit contradicts.
-    level : Free of delays of which the readings tell an interval alone, see `_centre_delays`.
+    case, possible : what is searched, and its effects by key. free : of the plain model.
+    yardstick : state.Yardstick. models : dict of every Model that was fitted, by its keys. denied :
+    set of keys of effects that a measurement outside the fit contradicts. made : list of keys of
+    the models about which a space was made. tried : set of labels of the models that were fitted,
+    keys and forms. level : Free of delays of which the readings tell an interval alone, see
+    `_centre_delays`. most_volt : the largest error of a model on the records that judge, see
+    `_best`. floor : floor.Floor. spaces : space.Space about the plain model, and at the end about
+    the last. model : in the end the Model of all that predicts better. beside : tuple of Beside, of
+    each effect of it, that with the largest gain first.
     """
 
     case: object
     possible: dict
+    free: tuple
     yardstick: object
-    plain: Model
-    model: Model
     models: dict
-    beside: tuple
-    spaces: tuple
-    floor: object
-    denied: frozenset
+    denied: set
+    made: list
+    tried: set
     level: tuple = ()
+    most_volt: float = np.inf
+    floor: object = None
+    spaces: tuple = ()
+    model: Model | None = None
+    beside: tuple = ()
+
+    @property
+    def plain(self):
+        """The model without effects."""
+        return self.models[()]
 
     @property
     def first(self):
@@ -150,17 +161,13 @@ class Found(NamedTuple):
         shown = {t.effect.key for t, seen in zip(space.terms, space.visible, strict=True) if seen}
         return tuple(dict.fromkeys(t.effect.key for t in space.terms if t.effect.key not in shown))
 
-    @property
-    def _about(self):
-        return _About(self.case, self.possible, self.plain.free, self.yardstick, self.level)
-
     def with_only(self, effects):
         """State of the model refitted with some of its effects alone."""
         kept = tuple(effect for effect in self.model.effects if effect in effects)
         keys = tuple(sorted(effect.key for effect in kept))
         if keys in self.models and self.models[keys].state.solution.white is not None:
             return self.models[keys].state
-        return _fit_model(self._about, kept, self.last.solution.values).state
+        return _fit_model(self, kept, self.last.solution.values).state
 
     def gain_elsewhere(self, one):
         """What an effect gains elsewhere, over a model without it that the block that tells most of
@@ -175,23 +182,10 @@ class Found(NamedTuple):
         blocks = self.yardstick.blocks
         telling = most_telling(self.last, one.effect, blocks)
         rows = blocks.fitted != telling
-        unbent = _fit_model(self._about, one.before.effects, one.before.solution.values, rows=rows)
+        unbent = _fit_model(self, one.before.effects, one.before.solution.values, rows=rows)
         ends = [self.yardstick.density(model.squares) for model in (self.model, unbent)]
         ends = [np.delete(density, telling) for density in ends]
         return difference(*ends, np.delete(blocks.record, telling))
-
-
-class _About(NamedTuple):
-    """What every fit of a search needs. free : of the plain model. level : Free of delays of which
-    the readings tell an interval alone, see `_centre_delays`. most_volt : the largest
-    error of a model on the records that judge, see `_best`."""
-
-    case: object
-    possible: dict
-    free: tuple
-    yardstick: object
-    level: tuple = ()
-    most_volt: float = np.inf
 
 
 def joins(gain, gates):
@@ -208,7 +202,7 @@ def joins(gain, gates):
 
 
 def search(case, library):
-    """Found by the search, until no set of effects predicts better.
+    """Search, until no set of effects predicts better.
 
     Parameters
     ----------
@@ -219,149 +213,139 @@ def search(case, library):
     yardstick = Yardstick(filters)
     if case.gates.price is not None:
         yardstick = yardstick._replace(price=case.gates.price / 2.0, by_cost=True)
-    about = _About(case, possible, free, yardstick)
-    plain = _fit_model(about, (), values)
+    found = Search(case, possible, free, yardstick, {}, set(), [], set())
+    plain = _fit_model(found, (), values)
     for again in (True, False):
-        about, residual = _estimate_noise(about, plain, first=again)
-    plain = _fit_model(about, (), plain.state.solution.values)
-    most_volt = plain.state.validation_rmse_volt + case.gates.material_volt
-    about = about._replace(most_volt=most_volt)
-    climb = _Climb(_by_scale_of(about, plain), plain)
-    climb.floor = climb.floor_of(residual)
-    return _conclude(_climb(climb))
+        found, residual = _estimate_noise(found, plain, first=again)
+    found = _begin(found, plain.state.solution.values, residual)
+    most_volt = found.first.validation_rmse_volt + case.gates.material_volt
+    return _conclude(_climb(_by_scale_of(found, found.plain)._replace(most_volt=most_volt)))
 
 
 def resume_without(found, ruled_out):
-    """Found by the search without some effects, from the models that it has fitted without them.
+    """Search without some effects, from the models that were fitted without them.
 
     Parameters
     ----------
-    found : Found. ruled_out : keys of the effects.
+    found : Search. ruled_out : keys of the effects.
     """
-    possible = {key: e for key, e in found.possible.items() if key not in ruled_out}
-    most_volt = found.first.validation_rmse_volt + found.case.gates.material_volt
-    about = _About(found.case, possible, found.plain.free, found.yardstick, (), most_volt)
-    climb = _Climb(about, found.plain)
-    climb.first, climb.made, climb.floor = found.spaces[0], [()], found.floor
-    climb.denied = set(found.denied) | set(ruled_out)
-    climb.models = {k: m for k, m in found.models.items() if not climb.denied & set(k)}
-    return _conclude(_climb(climb))
+    denied = found.denied | set(ruled_out)
+    found = found._replace(
+        possible={key: e for key, e in found.possible.items() if key not in ruled_out},
+        models={keys: m for keys, m in found.models.items() if not denied & set(keys)},
+        most_volt=found.first.validation_rmse_volt + found.case.gates.material_volt,
+        denied=denied,
+        made=[()],
+        tried=set(),
+        level=(),
+    )
+    return _conclude(_climb(found))
 
 
-def _conclude(climb):
+def _begin(found, values, residual):
+    """The search with the plain model alone, fitted by the noise as it is, and with its floor by
+    what all effects together leave (n,)."""
+    plain = _fit_model(found, (), values)
+    case, filters = found.case, found.yardstick.filters
+    floor = case.floor(plain.state, plain.free, residual, filters)
+    return found._replace(models={(): plain}, floor=floor)
+
+
+def _conclude(found):
     """What a search has come to once no set of effects predicts better."""
-    about, models = climb.about, climb.models
-    best = _best(about, models)
+    models, best = found.models, _best(found)
     if best.effects:
-        best = _fit_model(about, best.effects, best.state.solution.values)
-    about, best = _centre_delays(about, best)
+        best = _fit_model(found, best.effects, best.state.solution.values)
+    found, best = _centre_delays(found, best)
     models[best.keys] = best
-    best = _drop_worthless(about, best, models)
-    last = _space_about(about, best, climb.denied)
-    beside = _compare_each(about, best, models, last, climb.denied)
-    found = about.case, about.possible, about.yardstick, models[()], best, models, beside
-    spaces, denied = (climb.first, last), frozenset(climb.denied)
-    return Found(*found, spaces, climb.floor, denied, about.level)
+    best = _drop_worthless(found, best)
+    spaces = found.spaces[0], _space_about(found, best)
+    found = found._replace(spaces=spaces, model=best)
+    return found._replace(beside=_compare_each(found))
 
 
-def _best(about, models):
+def _best(found):
     """The model that predicts best of those that were fitted.
 
     A model that errs more than the plain one on the records that judge, by more than anyone would
     accept (`material_volt`), is not taken: the score has heavy tails, and a few blocks that are
     missed by half a volt, below an empty end, hardly lower it.
     """
-    fair = [m for m in models.values() if m.state.validation_rmse_volt <= about.most_volt]
-    return _most_worth(about, fair or models.values())
+    models = found.models.values()
+    fair = [m for m in models if m.state.validation_rmse_volt <= found.most_volt]
+    return _most_worth(found, fair or models)
 
 
-def _most_worth(about, models):
+def _most_worth(found, models):
     """The model of the largest worth, however it errs."""
-    return max(models, key=lambda model: worth(model, about.yardstick))
+    return max(models, key=lambda model: worth(model, found.yardstick))
 
 
-def _by_scale_of(about, model):
+def _by_scale_of(found, model):
     """The search with the scale of a model, where that is less."""
-    return about._replace(yardstick=about.yardstick.finer(model.squares))
+    return found._replace(yardstick=found.yardstick.finer(model.squares))
 
 
-class _Climb:
-    """A search on its way: every model that was fitted, by its keys, and the spaces made.
+def _next_model(found):
+    """The model about which the next space is made: the best one about which none was; None where
+    the best of all was asked already and leaves little.
 
-    first : space.Space about the plain model. made : keys of the models about which one was made.
-    tried : labels of the models that were fitted, keys and forms.
+    About the plain model little is linear, and about a poor one not much: after it the best model
+    with effects is asked, better or not.
     """
-
-    def __init__(self, about, plain):
-        self.about, self.models = about, {(): plain}
-        self.made, self.denied, self.first, self.floor = [], set(), None, None
-        self.tried = set()
-
-    def floor_of(self, residual):
-        """What no effect can explain, by what all effects together leave (n,)."""
-        plain, filters = self.models[()], self.about.yardstick.filters
-        return self.about.case.floor(plain.state, plain.free, residual, filters)
-
-    def next_model(self):
-        """The model about which the next space is made: the best one about which none was; None
-        where the best of all was asked already and leaves little.
-
-        About the plain model little is linear, and about a poor one not much: after it the best
-        model with effects is asked, better or not.
-        """
-        best = _best(self.about, self.models)
-        others = {keys: m for keys, m in self.models.items() if keys not in self.made}
-        if not others:
-            return None
-        # It may leave more than anyone would accept, and a fair part of the plain one's error:
-        # another way up may lead further.
-        was, now = (left_volt(one.state, self.floor) for one in (self.models[()], best))
-        much = now > max(self.about.case.gates.unknown_volt, MUCH * was)
-        if best.keys in self.made and len(self.made) > 1 and not much:
-            return None
-        return _most_worth(self.about, others.values())
-
-    def add(self, model):
-        """Keep a model, unless a measurement contradicts one of its effects."""
-        against = self.about.case.denied(model.state)
-        self.denied |= against
-        known, yardstick = self.models.get(model.keys), self.about.yardstick
-        if not against and (known is None or worth(model, yardstick) > worth(known, yardstick)):
-            self.models[model.keys] = _light(model)
-
-    def freeze(self, model):
-        """Make the noise anew at the first model with effects, by which all are compared; the model
-        fitted by it."""
-        self.about, residual = _estimate_noise(self.about, model)
-        plain = self.models[()]
-        plain = _fit_model(self.about, (), plain.state.solution.values)
-        model = _fit_model(self.about, model.effects, model.state.solution.values, roughly=True)
-        self.about = _by_scale_of(self.about, model)
-        self.models = {(): plain}
-        self.floor = self.floor_of(residual)
-        return model
+    best = _best(found)
+    others = [m for keys, m in found.models.items() if keys not in found.made]
+    if not others:
+        return None
+    # It may leave more than anyone would accept, and a fair part of the plain one's error: another
+    # way up may lead further.
+    was, now = (left_volt(one.state, found.floor) for one in (found.plain, best))
+    much = now > max(found.case.gates.unknown_volt, MUCH * was)
+    if best.keys in found.made and len(found.made) > 1 and not much:
+        return None
+    return _most_worth(found, others)
 
 
-def _climb(climb):
+def _keep(found, model):
+    """Keep a model, unless a measurement contradicts one of its effects."""
+    against = found.case.denied(model.state)
+    found.denied.update(against)
+    known, yardstick = found.models.get(model.keys), found.yardstick
+    if not against and (known is None or worth(model, yardstick) > worth(known, yardstick)):
+        found.models[model.keys] = _light(model)
+
+
+def _freeze(found, model):
+    """The search with its noise made anew at the first model with effects, by which all are
+    compared; and the model fitted by it."""
+    found, residual = _estimate_noise(found, model)
+    found = _begin(found, found.plain.state.solution.values, residual)
+    model = _fit_model(found, model.effects, model.state.solution.values, roughly=True)
+    return _by_scale_of(found, model), model
+
+
+def _climb(found):
     """The search once no further space leads to a better model, or as many were made as may be."""
-    while len(climb.made) < MOST_SPACES and (start := climb.next_model()) is not None:
+    while len(found.made) < MOST_SPACES and (start := _next_model(found)) is not None:
         if start.effects:
-            start = _fit_model(climb.about, start.effects, start.state.solution.values)
-            climb.models[start.keys] = _light(start)
-            climb.about = _by_scale_of(climb.about, start)
-        climb.made.append(start.keys)
-        space = _space_about(climb.about, start, climb.denied)
-        climb.first = climb.first or space
-        frozen = len(climb.made) > 1
-        climb.tried.add(space.label(space.inside))
-        for chosen in _propose(space, climb.about.case.gates, climb.denied, climb.tried):
-            climb.tried.add(space.label(chosen))
+            start = _fit_model(found, start.effects, start.state.solution.values)
+            found.models[start.keys] = _light(start)
+            found = _by_scale_of(found, start)
+        found.made.append(start.keys)
+        space = _space_about(found, start)
+        found = found._replace(spaces=found.spaces or (space,))
+        frozen = len(found.made) > 1
+        found.tried.add(space.label(space.inside))
+        for chosen in _propose(space, found.case.gates, found.denied, found.tried):
+            found.tried.add(space.label(chosen))
             effects = [space.terms[k].effect for k in chosen]
             values = space.values_of(chosen, start.state.solution.values)
-            model = _fit_model(climb.about, effects, values, roughly=True)
-            climb.add(model if frozen else climb.freeze(model))
+            model = _fit_model(found, effects, values, roughly=True)
+            if not frozen:
+                found, model = _freeze(found, model)
             frozen = True
-    return climb
+            _keep(found, model)
+    return found
 
 
 def _propose(space, gates, denied, tried):
@@ -383,22 +367,23 @@ def _propose(space, gates, denied, tried):
     return [*models, *(one for one in forms if one not in models)]
 
 
-def _space_about(about, model, denied):
+def _space_about(found, model):
     """Space about a fitted model, of all effects that no measurement contradicts."""
-    further = [e for e in about.possible.values() if e not in model.effects and e.key not in denied]
-    return space_of(about.case, about.yardstick, model.state, model.free, about.possible, further)
+    others = (e for e in found.possible.values() if e not in model.effects)
+    further = [e for e in others if e.key not in found.denied]
+    return space_of(found.case, found.yardstick, model.state, model.free, found.possible, further)
 
 
-def _fit_model(about, effects, values, *, rows=None, roughly=False):
+def _fit_model(found, effects, values, *, rows=None, roughly=False):
     """Model of some effects, fitted from some values.
 
     rows : (n,) bool, those that are fitted; None: all. roughly : for a first comparison.
     """
-    case, yardstick = about.case, about.yardstick
-    effects, free = in_order(effects, about.possible), about.free
+    case, yardstick = found.case, found.yardstick
+    effects, free = in_order(effects, found.possible), found.free
     for effect in effects:
         free = case.with_effect(free, effect)
-    known = {one.name: one for one in about.level}
+    known = {one.name: one for one in found.level}
     free = tuple(known.get(one.name, one) for one in free)
     problem = case.problem(effects, free, yardstick.filters)
     if rows is not None:
@@ -413,17 +398,17 @@ def _fit_model(about, effects, values, *, rows=None, roughly=False):
     return Model(free, state, squares_of(state, yardstick.blocks))
 
 
-def _estimate_noise(about, model, *, first=False):
+def _estimate_noise(found, model, *, first=False):
     """The search with its noise by what all effects together leave about a model, without a scale,
     and what they leave (n,)."""
-    case, solution = about.case, model.state.solution
-    further = [effect for effect in about.possible.values() if effect not in model.effects]
+    case, solution = found.case, model.state.solution
+    further = [effect for effect in found.possible.values() if effect not in model.effects]
     of_fit = "fit", solution.values, solution.prediction
-    lined_up = candidates_beside(case, *of_fit, model.effects, about.possible, further)
-    residual = _residual_with_all(solution, lined_up, about.yardstick.filters.fit)
-    filters = case.filters_for(residual, about.yardstick.filters, first)
-    yardstick = about.yardstick._replace(filters=filters, scale=np.inf)
-    return about._replace(yardstick=yardstick), residual
+    lined_up = candidates_beside(case, *of_fit, model.effects, found.possible, further)
+    residual = _residual_with_all(solution, lined_up, found.yardstick.filters.fit)
+    filters = case.filters_for(residual, found.yardstick.filters, first)
+    yardstick = found.yardstick._replace(filters=filters, scale=np.inf)
+    return found._replace(yardstick=yardstick), residual
 
 
 def _residual_with_all(solution, lined_up, whitening):
@@ -448,47 +433,49 @@ def _residual_with_all(solution, lined_up, whitening):
     return solution.residual - np.concatenate([solution.columns, many], axis=1) @ change
 
 
-def _drop_worthless(about, model, models):
+def _drop_worthless(found, model):
     """The model without effects that are not worth their price once all are fitted exactly."""
+    models = found.models
     while model.effects:
         values = model.state.solution.values
         for effect in model.effects:
             others = tuple(one for one in model.effects if one is not effect)
             keys = tuple(sorted(one.key for one in others))
             if keys not in models:
-                models[keys] = _light(_fit_model(about, others, values, roughly=True))
-        ahead = _best(about, models)
-        if worth(ahead, about.yardstick) <= worth(model, about.yardstick):
+                models[keys] = _light(_fit_model(found, others, values, roughly=True))
+        ahead = _best(found)
+        if worth(ahead, found.yardstick) <= worth(model, found.yardstick):
             break
-        model = _fit_model(about, ahead.effects, ahead.state.solution.values)
+        model = _fit_model(found, ahead.effects, ahead.state.solution.values)
         models[model.keys] = model
     return model
 
 
-def _compare_each(about, model, models, space, denied):
-    """Beside of each effect of a model, that with the largest gain first."""
-    gates, found = about.case.gates, []
+def _compare_each(found):
+    """Beside of each effect of the model, that with the largest gain first."""
+    case, model, each = found.case, found.model, []
     for number, effect in enumerate(model.effects):
         keys = tuple(key for key in model.keys if key != effect.key)
-        before = models[keys]
-        gain = about.yardstick.difference(model.squares, before.squares)
+        before = found.models[keys]
+        gain = found.yardstick.difference(model.squares, before.squares)
         tied = ()
-        if gain.rank_z >= gates.counts and effect.id not in OUTSIDE:
-            tied = _tied_rivals(about, model, before, number, models, space)
-        tied = about.case.ties(effect, model.state, tied, denied, about.possible)
+        if gain.rank_z >= case.gates.counts and effect.id not in OUTSIDE:
+            tied = _tied_rivals(found, before, number)
+        tied = case.ties(effect, model.state, tied, found.denied, found.possible)
         squares = model.squares, before.squares
-        found.append(Beside(effect, model.state, before.state, squares, gain, tied))
-    return tuple(sorted(found, key=lambda one: -one.gain.total))
+        each.append(Beside(effect, model.state, before.state, squares, gain, tied))
+    return tuple(sorted(each, key=lambda one: -one.gain.total))
 
 
-def _tied_rivals(about, model, before, number, models, space):
-    """Keys of effects that predict as well in the place of one of a model, by exact fits.
+def _tied_rivals(found, before, number):
+    """Keys of effects that predict as well in the place of one of the model, by exact fits.
 
     One is tied if its own gain would let it join, and the two are less apart than `apart` standard
     errors. What has no name ties with none: it stands for whatever the vocabulary lacks, and has to
     predict better.
     """
-    gates, yardstick = about.case.gates, about.yardstick
+    gates, yardstick, models = found.case.gates, found.yardstick, found.models
+    model, space = found.model, found.spaces[-1]
     rest = space.inside - {number}
     least = SHARE_OF_TIE * space.difference(space.inside, rest).total
     near = [rest | {k} for k in space.further(rest) if k != number]
@@ -508,12 +495,12 @@ def _tied_rivals(about, model, before, number, models, space):
         if keys not in models:
             effects = [space.terms[k].effect for k in one]
             values = space.values_of(one, model.state.solution.values)
-            models[keys] = _light(_fit_model(about, effects, values, roughly=True))
+            models[keys] = _light(_fit_model(found, effects, values, roughly=True))
     for keys, there in models.items():
         (*others,) = set(keys) - set(before.keys)
         if len(others) != 1 or set(before.keys) - set(keys) or keys == model.keys:
             continue
-        if about.possible[others[0]].id in OUTSIDE:
+        if found.possible[others[0]].id in OUTSIDE:
             continue
         apart = yardstick.difference(model.squares, there.squares).z
         shown = yardstick.difference(there.squares, before.squares).z >= gates.joins
@@ -521,7 +508,7 @@ def _tied_rivals(about, model, before, number, models, space):
     return tuple(tied)
 
 
-def _centre_delays(about, model):
+def _centre_delays(found, model):
     """The search and the model with each delay, of which the readings tell an interval alone, in
     its middle.
 
@@ -531,20 +518,20 @@ def _centre_delays(about, model):
     for effect in (one for one in model.effects if one.hold_imitates):
         name = effect.names[0]
         # The delay as its effect has it.
-        own = {one.name: one for one in about.case.with_effect((), effect)}
-        others = tuple(one for one in about.level if one.name != name)
+        own = {one.name: one for one in found.case.with_effect((), effect)}
+        others = tuple(one for one in found.level if one.name != name)
         for _ in range(LEVELLED):
             before = model.state.solution
             free = tuple(own.get(one.name, one) for one in model.free)
-            problem = about.case.problem(model.effects, free, about.yardstick.filters)
+            problem = found.case.problem(model.effects, free, found.yardstick.filters)
             ends = None if name in before.at_bound else level(problem, before, name)
             if ends is None:
                 break
             known = {"prior": sum(ends) / 2, "std": EVEN_STD * (ends[1] - ends[0])}
             one = next(one for one in free if one.name == name)._replace(**known)
-            about = about._replace(level=(*others, one))
+            found = found._replace(level=(*others, one))
             values = before.values | {name: one.prior}
-            model = _fit_model(about, model.effects, values)
+            model = _fit_model(found, model.effects, values)
             if before.chi_square - model.state.solution.chi_square < TWO_STDS:
                 break
-    return about, model
+    return found, model

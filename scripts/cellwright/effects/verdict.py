@@ -45,13 +45,13 @@ def outcome(found, fitted, values=None):
     1. A name is an effect of the vocabulary whose gain is `counts` standard errors by its ranks,
        beside all others; which takes off the error of either side what somebody acts on; whose
        size is told and acted on, see `has_size`; and which not a single block asks for, see
-       `search.Found.gain_elsewhere`.
+       `search.Search.gain_elsewhere`.
     2. Unknown is what is left beyond `unknown_volt`, if nothing has a name, or if the names leave
        more than `unknown_share` of what was left without them.
 
     Parameters
     ----------
-    found : search.Found. fitted : sizes.Fitted of its last model. values : of that, as in
+    found : search.Search. fitted : sizes.Fitted of its last model. values : of that, as in
         `sizes.sizes_as_used`; None: its parameters alone.
     """
     gates, names, unnamed = found.case.gates, [], []
@@ -111,7 +111,7 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
 
     Parameters
     ----------
-    name : of the cell or group. found : search.Found. result : Outcome of it.
+    name : of the cell or group. found : search.Search. result : Outcome of it.
     place : dict, where most of the error left lies, see `judge.worst`; None.
     deviations : of the parameters of its last model, by name. next_test : sentence, or None.
     not_testable : ids.

@@ -9,13 +9,16 @@ from cellwright.laws.law import law_row
 from cellwright.numerics.lines import coloured_line, residuals
 from cellwright.numerics.periods import daily_sine, periods
 from cellwright.numerics.statistics import rms, robust_std, t_interval
-from cellwright.protocols.ageing import AgeingCycles
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
 
 LAGS_HOUR = np.array([*np.arange(11) / 10, 1.25, 1.5, 2.0, 2.5, 3.0])
 ROOM, START = "room", "cell as the discharge begins"
+NEEDED = (
+    *("cycle", "direction", "start_time_second", "duration_second", "capacity_ampere_hour"),
+    *("coulombic_efficiency", "room_temperature_celsius", "temperature_start_celsius"),
+)
 
 
 def lagged_temperatures(course_hour, course_celsius, hour):
@@ -74,7 +77,8 @@ def ageing_over_temperature(cycles, test):
     Returns cycles; rows: the laws; periodogram; content: summary. Raises Refusal: too few cycles.
     Source: docs/health.md.
     """
-    summary, compensated, periodogram = cycle_temperature(inputs.table_of(AgeingCycles, cycles))
+    columns = inputs.columns(getattr(cycles, "rows", cycles), *NEEDED)
+    summary, compensated, periodogram = cycle_temperature(columns)
     rows = law_rows(summary, test=inputs.test_facts(test).test)
     notes = tuple(filter(None, [summary["reason"]]))
     tables = {"cycles": compensated, "rows": rows, "periodogram": periodogram}
@@ -98,8 +102,8 @@ def cycle_temperature(rows):
 
     Parameters
     ----------
-    rows : AgeingCycles. A slope, with its 95 % interval, is given where the RMS of the temperature
-        about its trend along the fade is 0.3 K or more.
+    rows : columns of `protocols.ageing.ageing_cycles`. A slope, with its 95 % interval, is given
+        where the RMS of the temperature about its trend along the fade is 0.3 K or more.
 
     Returns
     -------
@@ -117,8 +121,7 @@ def cycle_temperature(rows):
     Source: thesis 3.1 (figures 3.2 and 3.3: 29 cycles, 4 K, about 1 %).
     """
     record = _record(rows)
-    models = _models(record)
-    fade, temperature_columns = max(models, key=lambda model: model.weight)[:2]
+    (fade, temperature_columns), models = _models(record)
     moved, reason = _temperature_movement(record, fade)
     columns = np.column_stack([fade, *([] if reason else temperature_columns)])
     line = _line(record, columns)
@@ -139,7 +142,7 @@ def cycle_temperature(rows):
     trend = _basis(record.cycle, record.used, _highest_degree(record.used))[record.used]
     period = periods(record.hour[record.used], record.capacity[record.used], trend)
     error = record.noise / moved
-    slope = _slope([] if reason else models, line.degrees_of_freedom, error)
+    slope = _slope(None if reason else models, line.degrees_of_freedom, error)
     summary = (
         _conditions(record, moved)
         | slope
@@ -229,15 +232,15 @@ class _Record(NamedTuple):
 
 def _record(rows):
     """Discharges of a record with their temperature, and which of them are used."""
-    discharges = np.flatnonzero(rows.direction == "discharge")
-    cycle, capacity = rows.cycle[discharges], rows.capacity_ampere_hour[discharges]
-    complete = np.isfinite(rows.coulombic_efficiency[discharges])
+    discharges = np.flatnonzero(rows["direction"] == "discharge")
+    cycle, capacity = rows["cycle"][discharges], rows["capacity_ampere_hour"][discharges]
+    complete = np.isfinite(rows["coulombic_efficiency"][discharges])
     usual = complete & np.append(False, complete[:-1])
     # Where most charges are not in the record, most discharges begin alike without them.
     if len(usual) >= LEAST_CYCLES and 2 * usual.sum() < len(usual):
         usual = np.ones(len(usual), bool)
     used = _inliers(cycle, capacity, usual)
-    hour = rows.start_time_second[discharges] / 3600
+    hour = rows["start_time_second"][discharges] / 3600
     place = (hour[used] - hour[used][0]) / np.median(np.diff(hour[used]))
     celsius, source = _temperature(rows, discharges)
     lagged, noise = _lagged(rows, discharges, celsius, source)
@@ -252,18 +255,18 @@ def _lagged(rows, discharges, celsius, source):
     """
     if source != ROOM:
         return [celsius] if source else [], 0.0
-    middle = (rows.start_time_second + rows.duration_second / 2) / 3600
+    middle = (rows["start_time_second"] + rows["duration_second"] / 2) / 3600
     # The room's temperature is taken during charges as well as discharges.
-    recorded = np.isfinite(rows.room_temperature_celsius)
-    hour, course = middle[recorded], rows.room_temperature_celsius[recorded]
+    recorded = np.isfinite(rows["room_temperature_celsius"])
+    hour, course = middle[recorded], rows["room_temperature_celsius"][recorded]
     courses = lagged_temperatures(hour, course, middle[discharges])
     return [celsius, *courses[1:]], reading_noise(hour, course)
 
 
 def _temperature(rows, discharges):
     """Temperature of each discharge [°C] and its source, room or cell; NaN and "": none."""
-    cycle = rows.cycle[discharges]
-    sources = {ROOM: rows.room_temperature_celsius, START: rows.temperature_start_celsius}
+    cycle = rows["cycle"][discharges]
+    sources = {ROOM: rows["room_temperature_celsius"], START: rows["temperature_start_celsius"]}
     for source, recorded in sources.items():
         celsius = recorded[discharges]
         known = np.isfinite(celsius)
@@ -303,25 +306,19 @@ def _basis(cycle, used, degree):
     return np.column_stack([np.ones(len(x)), x, *bends])
 
 
-class _Model(NamedTuple):
-    """One model of the capacity: columns (n, p) of fade and temperature, slope, weight."""
-
-    fade: np.ndarray
-    temperature_columns: list
-    slope: float
-    variance: float
-    weight: float
-
-
 def _models(record):
-    """Models of every degree of the fade and every lag, with and without bend, weighted."""
+    """Models of every degree of the fade and every lag, with and without bend.
+
+    Returns columns (n, p) of fade and of temperature of the likeliest; weight, slope and variance
+    of the slope of each (3, m).
+    """
     used, logarithm = record.used, np.log(record.capacity[record.used])
     levels = [celsius - celsius[used].mean() for celsius in record.lagged]
     options = [[]]
     if levels and np.ptp(levels[0]) > 0:
         courses = _plausible_lags(record, levels)
         options = [choice for course in courses for choice in ([course], [course, course**2])]
-    models = []
+    columns_of, found = [], []
     for degree in range(1, _highest_degree(used) + 1):
         fade = _basis(record.cycle, used, degree)
         for temperature_columns in options:
@@ -334,10 +331,11 @@ def _models(record):
                 (x[fade.shape[1]] if temperature_columns else np.nan)
                 for x in (line.values, line.std)
             )
-            models.append(_Model(fade, temperature_columns, slope, std**2, score))
-    best = max(model.weight for model in models)
-    total = sum(np.exp(model.weight - best) for model in models)
-    return [model._replace(weight=float(np.exp(model.weight - best) / total)) for model in models]
+            columns_of.append((fade, temperature_columns))
+            found.append((score, slope, std**2))
+    score, slopes, variances = map(np.array, zip(*found, strict=True))
+    weight = np.exp(score - score.max())
+    return columns_of[int(np.argmax(weight))], (weight / sum(weight), slopes, variances)
 
 
 def _plausible_lags(record, levels):
@@ -370,14 +368,14 @@ def _temperature_movement(record, fade, *, least=0.3):
 def _slope(models, freedom, noise_share):
     """Slope in percent of the capacity per kelvin, averaged over the models; NaN without models.
 
-    noise_share : largest error of a temperature reading over the RMS of the temperature [1].
+    models : weight, slope and its variance of each, (m,), or None. noise_share : largest error of a
+    temperature reading over the RMS of the temperature [1].
     """
-    weight, slopes, variance = (
-        np.array([getattr(model, name) for model in models])
-        for name in ("weight", "slope", "variance")
-    )
-    mean = weight @ slopes if models else np.nan
-    std = np.sqrt(weight @ (variance + (slopes - mean) ** 2)) if models else np.nan
+    mean = std = np.nan
+    if models is not None:
+        weight, slopes, variance = models
+        mean = weight @ slopes
+        std = np.sqrt(weight @ (variance + (slopes - mean) ** 2))
     value, std = (100 * number for number in _corrected_for_reading_error(mean, std, noise_share))
     numbers = {"": value, "_std": std}
     numbers |= zip(("_lower", "_upper"), t_interval(value, std, freedom), strict=True)

@@ -23,7 +23,6 @@ from cellwright.series.edges import edge_variance
 from cellwright.settings import Instrument
 
 INSTRUMENT = Instrument()
-COLUMNS = ("test_time_second", "current_ampere", "voltage_volt", "charge_ampere_hour")
 # ASSUME: The open-circuit voltage moves by 0.3 mV/K and less with temperature (one deviation).
 ENTROPIC_VOLT_PER_KELVIN = 3e-4
 # What a capacity nobody measured leaves open of itself: no surer is no measurement.
@@ -91,27 +90,68 @@ def capacity_between_rests(tests, basis, settings=None, **changes):
     return Result({"rows": rows or NO_ROWS}, notes=notes)
 
 
-def _of_test(columns, steps, facts, basis, **instrument):
-    """Row of stage `capacity_between_rests` of one test, see `capacity_between_rests`.
+def _of_test(
+    series,
+    steps,
+    facts,
+    basis,
+    *,
+    current_accuracy_share=INSTRUMENT.current_accuracy_share,
+    clock_error_share=INSTRUMENT.clock_error_share,
+):
+    """Capacity from the two rests of a test that tell it best, without a full discharge.
 
-    columns : dict of a clean series. steps : Steps. facts : TestFacts. basis : dict. instrument :
-    keywords as of `settings.Instrument`. Raises Refusal also where the curve is from this test, or
-    knows no capacity of its own.
+    1. Rests of ten minutes and more count; by as much as their own slope goes on to relax
+    (`still_to_go_volt`) they are moved half and unsure by the rest. 2. Each lies between the curve
+    and the branch of the load before it: where, is unknown, and the same for all of them. 3. Of
+    all pairs that with the least deviation is taken; the rests between it must lie on its line,
+    else the deviation is widened by what they scatter. 4. The deviation holds the slope of the
+    curve at either rest, temperature, counter, what the directions of the curve's test differ by,
+    and, of a curve of another age or cell, what may have become of the charge beyond the rests.
+
+    series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere, voltage_volt,
+        charge_ampere_hour, and logged_current_ampere where cleaning took its readings out of rests.
+    steps : Steps of the record. facts : TestFacts.
+    basis : dict, of whose curves that of the test's age and temperature is taken.
+    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
+
+    Returns row of stage `capacity_between_rests`: dict with test, cycle,
+    ambient_temperature_celsius, capacity_ampere_hour, capacity_std_ampere_hour, charge_ampere_hour
+    between the rests, soc_first, soc_first_std, soc_last, soc_last_std [1], first_second,
+    last_second [s], rests (how many were used), largest_part and doubt. Raises Refusal: no curve,
+    one that is from this test or knows no capacity of its own, fewer than two rests, a charge
+    against the sign of what the rests moved, or a capacity no surer than a rating, with the reason.
+
+    Source: docs/capacity.md.
     """
-    at_age = at_cycle(basis, facts.cycle)
-    curve = curve_at(at_age["ocv"], facts.ambient_temperature_celsius)
-    if curve is not None:
-        _refuse_circular(curve, facts.test, str(at_age.get("capacity_source") or ""))
-    row = capacity_of_record(
-        *(columns[name] for name in COLUMNS),
-        steps,
-        curve,
-        celsius=facts.ambient_temperature_celsius,
-        cycle=facts.cycle,
-        borrowed=basis.get("borrowed_from") is not None,
-        logged_current_ampere=columns.get("logged_current_ampere"),
-        **instrument,
+    at_age, celsius = at_cycle(basis, facts.cycle), facts.ambient_temperature_celsius
+    curve = curve_at(at_age["ocv"], celsius)
+    if curve is None:
+        raise Refusal("no open-circuit voltage is known, so no rest tells a state of charge")
+    _refuse_circular(curve, facts.test, str(at_age.get("capacity_source") or ""))
+    time, current, voltage, charge = (
+        np.asarray(column, float) for column in inputs.quantities(series, inputs.COUNTED)
     )
+    rests = long_rests(time, voltage, charge, steps)
+    apart = stated_or_reference(celsius) - stated_or_reference(
+        curve.get("ambient_temperature_celsius")
+    )
+    std = np.hypot(rests.std_volt, ENTROPIC_VOLT_PER_KELVIN * apart)
+    placed, kept = _placed(rests._replace(std_volt=std), curve)
+    rests = Rests(*(column[kept] for column in rests))
+    if len(rests.second) < 2:
+        raise Refusal(_too_few(rests, kept))
+    logged = np.asarray(series.get("logged_current_ampere", current), float)
+    off_ampere = np.hypot(
+        current_accuracy_share * np.abs(current).max(), reading_at_rest(logged, steps)
+    )
+    variance = np.append(0.0, np.cumsum(edge_variance(time, current, charge)))
+    at_rest = np.searchsorted(time, rests.second)
+    counter = off_ampere, clock_error_share, variance[at_rest]
+    ages = abs((facts.cycle or 0) - (curve.get("cycle") or 0))
+    own = basis.get("borrowed_from") is None and ages <= SAME_CHECKUP_CYCLES
+    other = None if own else curve["capacity_ampere_hour"], _scale_share(curve)
+    row = _row(rests, placed, counter, _best_pair(rests, placed, counter), other)
     about = ("test", "cycle", "ambient_temperature_celsius")
     return {name: getattr(facts, name) for name in about} | row
 
@@ -126,73 +166,6 @@ def _refuse_circular(curve, test, source):
         raise Refusal("voltage over SoC is known under load alone, no open-circuit voltage")
     if of_curve and "rating" in (of_curve[:6], source[:6]):
         raise Refusal("its open-circuit voltage is scaled by the rating, which would come back")
-
-
-def capacity_of_record(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
-    steps,
-    curve,
-    *,
-    celsius=None,
-    cycle=None,
-    borrowed=False,
-    logged_current_ampere=None,
-    current_accuracy_share=INSTRUMENT.current_accuracy_share,
-    clock_error_share=INSTRUMENT.clock_error_share,
-):
-    """Capacity from the two rests of a record that tell it best, without a full discharge.
-
-    1. Rests of ten minutes and more count; by as much as their own slope goes on to relax
-    (`still_to_go_volt`) they are moved half and unsure by the rest. 2. Each lies between the curve
-    and the branch of the load before it: where, is unknown, and the same for all of them. 3. Of
-    all pairs that with the least deviation is taken; the rests between it must lie on its line,
-    else the deviation is widened by what they scatter. 4. The deviation holds the slope of the
-    curve at either rest, temperature, counter, what the directions of the curve's test differ by,
-    and, of a curve of another age or cell, what may have become of the charge beyond the rests.
-
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
-        charge, [V], net charge [Ah].
-    steps : Steps of the record.
-    curve : mapping with soc [1], ocv_volt [V], half_gap_volt [V] (m,), capacity_ampere_hour [Ah],
-        ambient_temperature_celsius [°C] and cycle; None: there is none.
-    celsius, cycle : of the record, or None. borrowed : whether the curve is another cell's.
-    logged_current_ampere : (n,) [A] with its readings in rests, or None.
-    current_accuracy_share, clock_error_share : as of `settings.Instrument`.
-
-    Returns row: dict with capacity_ampere_hour, capacity_std_ampere_hour, charge_ampere_hour
-    between the rests, soc_first, soc_first_std, soc_last, soc_last_std [1], first_second,
-    last_second [s], rests (how many were used), largest_part and doubt. Raises Refusal: no curve,
-    fewer than two rests, a charge against the sign of what the rests moved, or a capacity no surer
-    than a rating, with the reason.
-
-    Source: docs/capacity.md.
-    """
-    if curve is None:
-        raise Refusal("no open-circuit voltage is known, so no rest tells a state of charge")
-    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
-    time, current, voltage, charge = (np.asarray(column, float) for column in columns)
-    rests = long_rests(time, voltage, charge, steps)
-    apart = stated_or_reference(celsius) - stated_or_reference(
-        curve.get("ambient_temperature_celsius")
-    )
-    std = np.hypot(rests.std_volt, ENTROPIC_VOLT_PER_KELVIN * apart)
-    placed, kept = _placed(rests._replace(std_volt=std), curve)
-    rests = Rests(*(column[kept] for column in rests))
-    if len(rests.second) < 2:
-        raise Refusal(_too_few(rests, kept))
-    logged = current if logged_current_ampere is None else np.asarray(logged_current_ampere, float)
-    off_ampere = np.hypot(
-        current_accuracy_share * np.abs(current).max(), reading_at_rest(logged, steps)
-    )
-    variance = np.append(0.0, np.cumsum(edge_variance(time, current, charge)))
-    at_rest = np.searchsorted(time, rests.second)
-    counter = off_ampere, clock_error_share, variance[at_rest]
-    first, last = _best_pair(rests, placed, counter)
-    other = _aged(curve, cycle, borrowed), _scale_share(curve)
-    return _row(rests, placed, counter, (first, last), other)
 
 
 def long_rests(time, voltage, charge, steps):
@@ -333,13 +306,6 @@ def _hidden_share(size, swing, other_ampere_hour):
         return 0.0
     shown = other_ampere_hour / size - 1.0
     return max(1.0 - abs(swing), 0.0) * np.hypot(UNSURE_SHARE, shown)
-
-
-def _aged(curve, cycle, borrowed):
-    """Capacity [Ah] of the curve's own cell and age where that is another one, else None."""
-    ages = abs((cycle or 0) - (curve.get("cycle") or 0))
-    other = borrowed or ages > SAME_CHECKUP_CYCLES
-    return curve["capacity_ampere_hour"] if other else None
 
 
 # ASSUME: Of what the two directions of a slow test differ by, none to all is an error of its ends.

@@ -20,6 +20,7 @@ from cellwright.refusal import Refusal
 from cellwright.result import Result
 
 MISMATCH_KELVIN = 5.0  # of a cell on average beside its chamber; beyond, it was not tested there
+ASSUMED_SHARE = 0.003  # repeats of a capacity test on good cyclers
 SLOW_C_RATE = 0.06  # what a test does not reach up to here is truly lost (thesis 4.2: C/30)
 
 
@@ -51,19 +52,18 @@ def capacity_loss(capacities):
     return Result({"rows": law_rows(losses), "points": losses}, notes=tuple(notes))
 
 
-def comparable_capacities(rows, *, mismatch_kelvin=MISMATCH_KELVIN):
+def comparable_capacities(rows):
     """Comparable capacities of one cell [Ah], repeats averaged, and what was left out.
 
     1. Only the earliest check-up: age must not pass for temperature. 2. A row whose cell was
-    colder or warmer on average than the chamber is said to be by more than `mismatch_kelvin` was
-    not made at that temperature, and is left out: a cell of a fast test that warms itself gives
-    more than one of a slow test in the cold. 3. Temperatures and rates are one as `conditions`
-    has it; rows of one record under two kinds count once.
+    colder or warmer on average than the chamber is said to be by more than 5 K was not made at that
+    temperature, and is left out: a cell of a fast test that warms itself gives more than one of a
+    slow test in the cold. 3. Temperatures and rates are one as `conditions` has it; rows of one
+    record under two kinds count once.
 
     Parameters
     ----------
     rows : list of dict, of stage `capacity` with test, cycle and ambient_temperature_celsius.
-    mismatch_kelvin : [K].
 
     Returns
     -------
@@ -73,7 +73,7 @@ def comparable_capacities(rows, *, mismatch_kelvin=MISMATCH_KELVIN):
     kept, left_out, seen = [], [], set()
     for row in sorted(first_check_up(rows), key=lambda r: r["ambient_temperature_celsius"]):
         stated, measured = row["ambient_temperature_celsius"], row["temperature_mean_celsius"]
-        if abs(measured - stated) > mismatch_kelvin:
+        if abs(measured - stated) > MISMATCH_KELVIN:
             where = f"stated {stated:g} °C, the cell was at {measured:.1f} °C"
             left_out.append(f"{row['test']}, {row['direction']}: {where}")
             continue
@@ -122,7 +122,7 @@ def slowest(points, direction, celsius):
     return sorted(as_warm, key=lambda point: point.c_rate)
 
 
-def repeatability(points, reference, *, assumed_share, slow_c_rate):
+def repeatability(points, reference, *, assumed_share):
     """Standard deviation of one capacity from test to test, as a share of it, in one direction.
 
     From repeats, and from what physics forbids: a cell that is warmer than the reference and
@@ -132,7 +132,7 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
     Parameters
     ----------
     points : list of ReachedCapacity of one direction. reference : ReachedCapacity.
-    assumed_share, slow_c_rate : [1], [1/h].
+    assumed_share : [1].
 
     Returns
     -------
@@ -146,7 +146,7 @@ def repeatability(points, reference, *, assumed_share, slow_c_rate):
             squares.append((relative_std**2 * count, count - 1))
         deficit = 1 - point.capacity_ampere_hour / reference.capacity_ampere_hour
         warmer = point.temperature_celsius > reference.temperature_celsius + SAME_CELSIUS
-        if not warmer or point.c_rate > slow_c_rate:
+        if not warmer or point.c_rate > SLOW_C_RATE:
             continue
         squares.append((max(deficit, 0.0) ** 2 / 2, 1))
         if deficit > assumed_share:
@@ -212,18 +212,11 @@ def _with_residual_charge(losses):
     return losses
 
 
-def capacity_losses(
-    rows,
-    *,
-    reference_celsius=REFERENCE_CELSIUS,
-    slow_c_rate=SLOW_C_RATE,
-    mismatch_kelvin=MISMATCH_KELVIN,
-    assumed_share=0.003,  # repeats of a capacity test on good cyclers
-):
+def capacity_losses(rows, *, assumed_share=ASSUMED_SHARE):
     """Loss of capacity at each temperature and rate [%], split into true and false.
 
-    The reference is the slowest capacity at the temperature nearest `reference_celsius` that has
-    a slow test. What the slowest test of a temperature, of at most `slow_c_rate`, lacks of it is
+    The reference is the slowest capacity at the temperature nearest 25 °C that has a slow test.
+    What the slowest test of a temperature, of at most `SLOW_C_RATE`, lacks of it is
     truly lost there, an upper bound as far as even that rate polarises; what a faster test lacks
     beyond it is false. Where a temperature has no slow test the two cannot be told apart: true is
     between what a warmer temperature has truly lost and what a colder one has (a cell does not
@@ -232,8 +225,6 @@ def capacity_losses(
     Parameters
     ----------
     rows : list of dict, of stage `capacity` with test, cycle and ambient_temperature_celsius.
-    reference_celsius : wanted [°C]. slow_c_rate : highest rate that counts as slow [1/h].
-    mismatch_kelvin : between stated and measured temperature, beyond which a test is left out [K].
     assumed_share : least standard deviation of a capacity from test to test, as a share of it;
         repeats that scatter more raise it [1].
 
@@ -254,25 +245,21 @@ def capacity_losses(
 
     Source: thesis 3.3 (C/30 at 20, 0 and −20 °C: 31.001, 30.975, 28.820 Ah).
     """
-    points, notes = comparable_capacities(rows, mismatch_kelvin=mismatch_kelvin)
+    points, notes = comparable_capacities(rows)
     losses, measured = [], "; ".join(notes)
     for name in ("discharge", "charge"):
         same_direction = [point for point in points if point.direction == name]
         if len(same_direction) < 2:
             continue
         # Slow tests first: a fast reference hides the loss that it has itself.
-        able = [point for point in same_direction if point.c_rate <= slow_c_rate] or same_direction
-        near = min(able, key=lambda p: abs(p.temperature_celsius - reference_celsius))
+        able = [point for point in same_direction if point.c_rate <= SLOW_C_RATE] or same_direction
+        near = min(able, key=lambda p: abs(p.temperature_celsius - REFERENCE_CELSIUS))
         reference = slowest(able, name, near.temperature_celsius)[0]
         same_direction, slower = _no_slower(same_direction, reference)
         notes += slower
-        share, reason = repeatability(
-            same_direction, reference, assumed_share=assumed_share, slow_c_rate=slow_c_rate
-        )
+        share, reason = repeatability(same_direction, reference, assumed_share=assumed_share)
         repeat_ampere_hour = share * reference.capacity_ampere_hour
-        split, split_notes = _of_direction(
-            same_direction, reference, repeat_ampere_hour, slow_c_rate
-        )
+        split, split_notes = _of_direction(same_direction, reference, repeat_ampere_hour)
         losses += split
         notes += [*filter(None, [reason]), *split_notes]
     if not losses:
@@ -299,27 +286,27 @@ def _no_slower(points, reference):
     return kept, slower
 
 
-def _of_direction(points, reference, repeat_ampere_hour, slow):
+def _of_direction(points, reference, repeat_ampere_hour):
     """Losses of one direction, coldest last, and a sentence for each temperature without split."""
     points = sorted(points, key=lambda p: (-p.temperature_celsius, p.c_rate))
-    true_losses = _true_losses(points, reference, repeat_ampere_hour, slow)
+    true_losses = _true_losses(points, reference, repeat_ampere_hour)
     losses = [_loss(point, reference, true_losses, repeat_ampere_hour) for point in points]
     unknown = sorted({loss["temperature_celsius"] for loss in losses if not loss["known"]})
-    wanted = f"no {reference.direction} at up to {slow:g}C"
+    wanted = f"no {reference.direction} at up to {SLOW_C_RATE:g}C"
     notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
-    if reference.c_rate > slow:
+    if reference.c_rate > SLOW_C_RATE:
         at = f"{wanted} at {reference.temperature_celsius:g} °C: the reference is the one at"
         notes.append(f"{at} {reference.c_rate:.2g}C, so a loss that it has too is not seen")
     return losses, notes
 
 
-def _true_losses(points, reference, repeat_ampere_hour, slow):
+def _true_losses(points, reference, repeat_ampere_hour):
     """Each temperature with a slow test near, that test, its true loss and std [1]."""
     true_losses = []
     for celsius in sorted({point.temperature_celsius for point in points}):
         slow_point = slowest(points, reference.direction, celsius)[0]
         at_reference = same_temperature(celsius, reference.temperature_celsius)
-        if slow_point.c_rate <= slow or (at_reference and slow_point is reference):
+        if slow_point.c_rate <= SLOW_C_RATE or (at_reference and slow_point is reference):
             loss = _relative_loss(reference, slow_point, repeat_ampere_hour)
             true_losses.append((celsius, slow_point, *loss))
     return true_losses

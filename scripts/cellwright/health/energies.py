@@ -10,6 +10,7 @@ import re
 import numpy as np
 
 from cellwright.circuits.model_file import member_of
+from cellwright.health.messages import say
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records.conditions import REFERENCE_CELSIUS, stated_or_reference
 
@@ -26,22 +27,16 @@ QUANTITIES = (
     (r"polarisation a, .*over SoC", "faster part of what relaxes"),
     (r"polarisation b, .*over SoC", "slower part of what relaxes"),
 )
-DEFINITIONS = {
-    R0: "of the first sample of pulses: the ohmic part, whose energy is small, and what of charge "
-    "transfer is done by then, whose energy is large: it lies between the two",
-    "resistance after": "of pulses later: more of charge transfer and of diffusion than R0 has, "
-    "and the change of the open-circuit voltage, which has none",
-    "ohmic resistance of spectra": "of electrolyte and contacts alone: the lowest",
-    "charge transfer of spectra": "of charge transfer alone, at small currents: the highest",
-    "faster part of what relaxes": "of the amplitude that decays first in a rest: charge transfer, "
-    "as far as the first sample has not seen it, and quick diffusion",
-    "slower part of what relaxes": "of the amplitude that decays last in a rest: diffusion",
-    MODEL: "by which the model in use carries its resistances from a tested temperature on: of R0 "
-    "and all that relaxes within a minute, mean slope to the neighbouring temperatures, which an "
-    "Arrhenius law over all of them need not have; of one temperature alone the best of steps of "
-    "10 kJ/mol, by the warming of its own records",
-    SEARCH: "one for all resistances of the circuit of the search for missing effects at once, as "
-    "it is fitted to whole records: charge transfer and diffusion weigh as much as they do there",
+# Code of what each quantity is, by how its name begins, in the order of the table.
+KINDS = {
+    R0: "first",
+    "resistance after": "later",
+    "ohmic resistance of spectra": "ohmic",
+    "charge transfer of spectra": "transfer",
+    "faster part of what relaxes": "faster",
+    "slower part of what relaxes": "slower",
+    MODEL: "model",
+    SEARCH: "search",
 }
 
 
@@ -67,7 +62,7 @@ def energies_of_cell(laws, model, verdict):
     for quantity in quantities:
         own = [row for row in sources if row["quantity"] == quantity]
         rows += [_reconciled(own), *own]
-    return [row | {"definition": _definition(row["quantity"])} for row in rows]
+    return [row | {"definition": say(f"energy.{KINDS[_kind(row['quantity'])]}")} for row in rows]
 
 
 TESTED = ("tested_from_celsius", "tested_to_celsius")
@@ -155,14 +150,12 @@ def _contradictions(sources, mean, std):
             )
 
 
+def _kind(quantity):
+    (kind,) = [kind for kind in KINDS if quantity.startswith(kind)]
+    return kind
+
+
 def _place(quantity):
-    """Order of the quantities: as they are defined, delays by their length."""
-    names = list(DEFINITIONS)
-    (known,) = [name for name in names if quantity.startswith(name)]
+    """Order of the quantities: by their kinds, delays by their length."""
     delay = re.search(r"([\d.]+) s$", quantity)
-    return names.index(known), float(delay.group(1)) if delay else 0.0
-
-
-def _definition(quantity):
-    (words,) = [text for name, text in DEFINITIONS.items() if quantity.startswith(name)]
-    return words
+    return list(KINDS).index(_kind(quantity)), float(delay.group(1)) if delay else 0.0

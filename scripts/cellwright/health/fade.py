@@ -8,6 +8,7 @@ from cellwright.numerics.lines import whitened
 from cellwright.refusal import Refusal
 
 LEAST_CYCLES = 8  # that a law of the fade needs
+LEVEL = 0.95  # coverage of the intervals of a life
 LEAST_LOSS = 0.02  # of the capacity: of a smaller loss no course is told [1]
 IMPOSSIBLE = -1e9  # log evidence of a law that no parameters make
 LEAST_NOISE = 5e-4  # of the capacity: no law is known to hold more closely [1]

@@ -2,25 +2,26 @@
 
 import numpy as np
 
-from cellwright.health.fade import LEAST_LOSS, SMOOTH, TWO_STAGE, courses, law_at
+from cellwright.health.fade import LEAST_LOSS, LEVEL, SMOOTH, TWO_STAGE, courses, law_at
 
+LEAST_LOG_EVIDENCE = 5.0  # 150 to 1, that two stages are likelier than every smooth law
 LEAST_RATIO = 2.0  # of the fade after a knee to that before it
 PLACES = ("knee_cycle", "knee_lower_cycle", "knee_upper_cycle", "knee_chord_cycle")
 
 
-def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
+def knee_of(fade, drawn):
     """Knee of a life, told only by evidence.
 
     A knee is a place beyond which capacity fades at least twice as fast as before it, within a
     tenth of the life; 2 % of the capacity must be lost before it (else it is where an early rise
     ends) and 2 % beyond it. Two straight (or
     gently bent) stages must be likelier than every smooth law (linear, root, power, gradual
-    acceleration), by `least_log_evidence`, and 95 % of the two-stage laws that the data allow must
+    acceleration), by a log evidence of 5, and 95 % of the two-stage laws that the data allow must
     turn so. A life that bends gradually has no knee.
 
     Parameters
     ----------
-    fade : fade.Fade. drawn : fade.Draws of it. least_log_evidence : [1]. level : of the interval.
+    fade : fade.Fade. drawn : fade.Draws of it.
 
     Returns
     -------
@@ -39,14 +40,14 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
     smooth = max(fade.log_evidence[name] for name in SMOOTH if name in fade.log_evidence)
     evidence = fade.log_evidence.get(TWO_STAGE, -np.inf) - smooth
     bent = [k for k, law in enumerate(drawn.laws) if law == TWO_STAGE]
-    if evidence < least_log_evidence or len(bent) < len(drawn.laws) // 2:
+    if evidence < LEAST_LOG_EVIDENCE or len(bent) < len(drawn.laws) // 2:
         word = f"two stages are no likelier than a smooth law (log evidence {evidence:.1f})"
         return _none(evidence, word)
     ratios, before, losses = np.array([_turn(drawn.terms[k], drawn.values[k]) for k in bent]).T
     lost = (before >= LEAST_LOSS) & (losses >= LEAST_LOSS)
     # Some of the laws drawn turn little, or where nothing is lost: how many do not?
     certainty = float(np.mean((ratios >= LEAST_RATIO) & lost))
-    if certainty < level:
+    if certainty < LEVEL:
         ratio = float(np.median(ratios))
         if ratio < LEAST_RATIO:
             word = f"the fade changes by a factor of {ratio:.2g}, less than {LEAST_RATIO:g}"
@@ -63,7 +64,7 @@ def knee_of(fade, drawn, *, least_log_evidence, level=0.95):
     spread = 2 * places[:, 1] + 0.01  # half a step of the positions tried
     at = (places[:, 0] + spread * random.uniform(-1, 1, len(places))) * fade.points.cycle[-1]
     chord = _furthest_from_chord(fade, drawn)
-    lower, upper = np.quantile(at, [(1 - level) / 2, (1 + level) / 2])
+    lower, upper = np.quantile(at, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     middle, last = float(np.median(places[:, 0]) * fade.points.cycle[-1]), fade.points.cycle[-1]
     found = (middle, float(min(lower, chord)), float(min(max(upper, chord), last)), chord)
     return _row(found, float(np.median(ratios)), evidence, "")

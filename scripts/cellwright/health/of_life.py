@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.health import lives
-from cellwright.health.fade import IMPOSSIBLE, courses, draws, fade_of, recovery
+from cellwright.health.fade import IMPOSSIBLE, LEVEL, courses, draws, fade_of, recovery
 from cellwright.health.knee import knee_of
 from cellwright.health.remaining import remaining_of
 from cellwright.health.table import summary_and_columns
@@ -12,6 +12,7 @@ from cellwright.result import Result
 from cellwright.settings import Health
 
 HEALTH = Health()
+DRAWS = 1000  # of laws, by their probability
 
 
 def fade(records, cell, settings=None, *, check_ups=(), **changes):
@@ -46,21 +47,12 @@ def fade(records, cell, settings=None, *, check_ups=(), **changes):
     return Result({"columns": columns, "laws": laws}, {"summary": summary}, life.notes)
 
 
-def analysed(
-    life,
-    *,
-    end_of_life=HEALTH.end_of_life,
-    level=0.95,
-    knee_log_evidence=5.0,  # 150 to 1
-    draw_count=1000,
-):
+def analysed(life, *, end_of_life=HEALTH.end_of_life):
     """Law of the fade, knee, remaining cycles and what else a life tells.
 
     Parameters
     ----------
-    life : lives.Life. end_of_life : share of the capacity at the start [1]. level : coverage of
-    intervals [1]. knee_log_evidence : logarithm by which two stages must be likelier than every
-    smooth law for a knee [1]. draw_count : laws drawn, by their probability.
+    life : lives.Life. end_of_life : share of the capacity at the start [1].
 
     Returns
     -------
@@ -73,9 +65,9 @@ def analysed(
     Refusal : fewer than eight comparable discharges.
     """
     fade = fade_of(life)
-    drawn = draws(fade, count=draw_count)
-    knee = knee_of(fade, drawn, least_log_evidence=knee_log_evidence, level=level)
-    remaining = remaining_of(fade, drawn, knee, end_of_life=end_of_life, level=level)
+    drawn = draws(fade, count=DRAWS)
+    knee = knee_of(fade, drawn)
+    remaining = remaining_of(fade, drawn, knee, end_of_life=end_of_life)
     chosen = max(fade.log_evidence, key=fade.log_evidence.get)
     summary = {
         "source": life.source,
@@ -84,17 +76,17 @@ def analysed(
         "last_cycle": float(life.cycle[-1]),
         "throughput_ampere_hour": float(life.throughput_ampere_hour[-1]),
         "law": chosen,
-        **_course_numbers(fade, drawn, level),
+        **_course_numbers(fade, drawn),
         **{name: remaining.pop(name) for name in ("soh", "soh_std")},
         **knee,
         **remaining,
         **_recoveries(fade),
         **_efficiencies(life),
     }
-    return _columns(life, fade, drawn, level), _law_rows(fade, chosen), summary
+    return _columns(life, fade, drawn), _law_rows(fade, chosen), summary
 
 
-def _course_numbers(fade, drawn, level):
+def _course_numbers(fade, drawn):
     """Capacity at the start, fade now, early rise, each with its error."""
     scale, last = fade.points.scale_ampere_hour, fade.points.cycle[-1]
     share = np.linspace(fade.points.share[0], 1.0, 101)
@@ -103,7 +95,7 @@ def _course_numbers(fade, drawn, level):
     pace = 100 * (course[:, -6] - course[:, -1]) / course[:, 0] / (share[-1] - share[-6])
     per_hundred = pace * 100 / last
     rise = course.max(axis=1) / course[:, 0] - 1
-    told = np.quantile(rise, (1 - level) / 2) > 5e-4  # of the capacity: a smaller rise is none
+    told = np.quantile(rise, (1 - LEVEL) / 2) > 5e-4  # of the capacity: a smaller rise is none
     top = share[np.argmax(course, axis=1)] * last
     return {
         "start_ampere_hour": float(scale * np.median(course[:, 0])),
@@ -143,13 +135,13 @@ def _efficiencies(life):
     return found
 
 
-def _columns(life, fade, drawn, level):
+def _columns(life, fade, drawn):
     """One entry a discharge: measured, and the law at its cycle with an interval."""
     points = fade.points
     share = life.cycle / points.cycle[-1]
     scale = points.scale_ampere_hour
     low, middle, high = np.quantile(
-        courses(drawn, share), [(1 - level) / 2, 0.5, (1 + level) / 2], axis=0
+        courses(drawn, share), [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2], axis=0
     )
     columns = {name: getattr(life, name) for name in life._fields[:-2]}
     return columns | {

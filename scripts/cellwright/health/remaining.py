@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from cellwright.health.fade import LEAST_LOSS, courses, recovery
+from cellwright.health.fade import LEAST_LOSS, LEVEL, courses, recovery
 
 HORIZON = 6.0  # lives so far, up to which a course is carried forward
 CYCLES = ("remaining_cycles", "remaining_lower_cycles", "remaining_upper_cycles")
 CYCLES += ("end_of_life_cycle", "end_of_life_reached", "remaining_reason")
 
 
-def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
+def remaining_of(fade, drawn, knee, *, end_of_life):
     """Cycles that remain until capacity is `end_of_life` of what it was at the start.
 
     Each law that the data allow is carried forward, in the place of one draw. What the law does
@@ -22,7 +22,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
     Parameters
     ----------
     fade : fade.Fade. drawn : fade.Draws. knee : of `knee.knee_of`. end_of_life : share of the
-    capacity by the course at the first cycle [1]. level : of the interval.
+    capacity by the course at the first cycle [1].
 
     Returns
     -------
@@ -48,7 +48,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
         return {"soh": soh, "soh_std": soh_std} | numbers
 
     unknown = [np.nan] * 3
-    if np.mean(now <= target) > (1 + level) / 2:
+    if np.mean(now <= target) > (1 + LEVEL) / 2:
         below = np.flatnonzero(median <= np.median(target))
         at = float(points.cycle[below[0]]) if len(below) else last
         return row([0.0] * 3, at, reached=True)
@@ -60,7 +60,7 @@ def remaining_of(fade, drawn, knee, *, end_of_life, level=0.95):
         words = f"{100 * lost:.1f} % lost so far, less than {100 * LEAST_LOSS:g} %"
         return row(unknown, np.nan, f"{words}: remaining cycles are not knowable")
     crossing = _crossings(drawn, now, target, knee, np.random.default_rng(1))
-    limits = [(1 - level) / 2, 0.5, (1 + level) / 2]
+    limits = [(1 - LEVEL) / 2, 0.5, (1 + LEVEL) / 2]
     low, middle, high = np.quantile(crossing, limits, method="inverted_cdf")
     cycles = [
         float(value * last) if np.isfinite(value) else np.nan for value in (middle, low, high)

@@ -3,32 +3,14 @@
 import numpy as np
 
 from cellwright.circuits.cell import overpotentials
-from cellwright.circuits.circuit import kind_of
+from cellwright.circuits.circuit import KINDS, kind_of
 from cellwright.circuits.model_file import circuit_at, member_of, std_of_r0
+from cellwright.health.messages import say
 from cellwright.health.summary import reference_resistance
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_temperature, stated_or_reference
 
 R0 = "R0"
 LATER = "after {:g} s"
-DEFINITIONS = {
-    R0: "change of voltage over change of current at the first sample of a discharge pulse near "
-    "50 % SoC at 25 °C: the ohmic part, and of charge transfer what is done by then",
-    "later": "the same pulse later: R0, the rest of charge transfer, the beginning of diffusion, "
-    "and the change of the open-circuit voltage by the charge taken out",
-    "model": "the model in use through that pulse, at its current and delay, without what its "
-    "open-circuit voltage, diffusion and hysteresis add the longer the pulse lasts; the rest of "
-    "its distance from the measurement is the error of the model",
-    "ohmic": "parameter r0 of the model in use: what is faster than each of its branches and than "
-    "the first samples that it was fitted to (r0_delay); its deviation is over those samples",
-    "small": "the model in use at small currents, all that is faster than a sample: where charge "
-    "transfer is part of the model this is larger than R0, for it costs less at large currents",
-    "spectrum": "ohmic resistance of the circuit fitted to the spectrum nearest in SoC: the lowest "
-    "of all, for charge transfer is no part of it",
-    "transfer": "the same and the spectrum's charge-transfer resistance, with the arcs faster than "
-    "it, at small currents",
-    "search": "ohmic resistance and charge transfer of the circuit of the search for missing "
-    "effects, with the effects that it named",
-}
 
 
 def resistances_of_cell(pulses, spectra, model, verdict):
@@ -49,7 +31,7 @@ def resistances_of_cell(pulses, spectra, model, verdict):
     rows = _of_pulse(pulse, pulses) if pulse else []
     if model:
         rows += _of_model(pulse, rows, member_of(model))
-    rows += _of_spectrum(pulse, spectra)
+    rows += _of_spectrum(spectra)
     rows += _of_search(verdict)
     first = rows[0]["resistance_ohm"] if pulse else None
     return [row | {"over_r0": row["resistance_ohm"] / first if first else None} for row in rows]
@@ -65,7 +47,8 @@ def _row(name, definition, ohm, std=None, **at):
         "doubt",
     )
     row = {"name": name, "resistance_ohm": ohm, "resistance_std_ohm": std}
-    return row | {key: at.get(key) for key in known} | {"definition": DEFINITIONS[definition]}
+    told = {"definition": say(f"resistance.{definition}")}
+    return row | {key: at.get(key) for key in known} | told
 
 
 def _of_pulse(pulse, pulses):
@@ -82,7 +65,7 @@ def _of_pulse(pulse, pulses):
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
         at |= {"doubt": row.get("doubt")}
         first = row["delay_second"] == 0
-        name, definition = (R0, R0) if first else (LATER.format(row["delay_second"]), "later")
+        name, definition = (R0, "first") if first else (LATER.format(row["delay_second"]), "later")
         rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
     return rows
 
@@ -104,7 +87,7 @@ def _of_model(pulse, measured, member):
     at_once = ohmic + sum(
         float(np.ravel(branch.parameters["r_ohm"])[0])
         for branch in circuit[1:]
-        if branch.kind in ("kinetic", "charge_transfer")
+        if KINDS[branch.kind].of_charge_transfer
         and np.ravel(branch.parameters.get("tau_second", 0.0))[0] <= measured[0]["delay_second"]
     )
     rows.append(_row("model, parameter r0", "ohmic", ohmic, _std_of_r0(member, at), **at))
@@ -134,7 +117,7 @@ def _through_pulse(circuit, current_ampere, second):
     return float(volt[:, -1].sum() / current_ampere)
 
 
-def _of_spectrum(pulse, spectra):
+def _of_spectrum(spectra):
     """Resistances of the spectrum at 25 °C nearest 50 % SoC."""
     alike = [
         row

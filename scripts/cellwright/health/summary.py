@@ -33,11 +33,8 @@ def reference_resistance(rows):
         and same_temperature(row["ambient_temperature_celsius"], REFERENCE_CELSIUS)
         and abs(row["soc"] - 0.5) <= 0.1
     ]
-    return min(near, key=_from_the_reference, default=None)
-
-
-def _from_the_reference(row):
-    return row["cycle"] or 0, abs(row["soc"] - 0.5), abs((row["c_rate"] or 0.0) - 1)
+    away = [(r["cycle"] or 0, abs(r["soc"] - 0.5), abs((r["c_rate"] or 0.0) - 1)) for r in near]
+    return near[away.index(min(away))] if near else None
 
 
 def latest_health(rows):

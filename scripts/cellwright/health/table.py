@@ -36,7 +36,12 @@ def state_of_health(check_ups=(), fade=None, modes=(), peaks=()):
     if life and life["source"] == CYCLES:
         rows += _of_cycles(life, course, [row["cycle"] for row in check_ups])
     by_age = sorted(modes, key=lambda row: row["cycle"])
-    rows += [_of_modes(row) for row in by_age if any(np.isfinite(row[m]) for m in LOST)]
+    for row in by_age:
+        if any(np.isfinite(row[mode]) for mode in LOST):
+            # Its state of health is over the state that its losses refer to.
+            size, lost = row["capacity_ampere_hour"], {n: row[n] for n in (*LOST, *LOST_STD)}
+            soh = size / row["fresh_ampere_hour"]
+            rows.append(_row(row["cycle"], size, soh, MODES, np.nan, row) | lost)
     for row in rows if life else ():
         row["knee_cycle"] = life["knee_cycle"]
         row["remaining_cycles"] = max(life["end_of_life_cycle"] - row["cycle"], 0.0)
@@ -79,10 +84,3 @@ def _of_cycles(life, course, wanted):
     last, soh = life["last_cycle"], life["soh"]
     end = _row(last, soh * start, soh, CYCLES, life["soh_std"], life)
     return [*rows, end]
-
-
-def _of_modes(row):
-    """A row of degradation modes; its state of health over the state that its losses refer to."""
-    size = row["capacity_ampere_hour"]
-    own = _row(row["cycle"], size, size / row["fresh_ampere_hour"], MODES, np.nan, row)
-    return own | {name: row[name] for name in (*LOST, *LOST_STD)}

@@ -215,7 +215,7 @@ def _entries(kind, p, capacity_ampere_hour, stretch):
     """Entries that a branch with parameters p adds to a cell's tables: dicts, name → (points,)."""
     at_once = np.zeros(len(stretch))
     lags = [(lag.share, lag.constant) for lag in KINDS[kind].lags(**p)]
-    if kind == "diffusion":
+    if KINDS[kind].output == "soc":
         gain = [share * p["soc_per_ampere"] / stretch for share, _ in lags]
         return [
             {"soc_per_ampere": ahead, "soc_tau_second": tau}
@@ -233,7 +233,7 @@ def _entries(kind, p, capacity_ampere_hour, stretch):
     if KINDS[kind].linear:
         pairs = [{"r_ohm": share * p["r_ohm"], "tau_second": tau} for share, tau in lags]
         return pairs or [{"r0_ohm": p["r_ohm"]}]
-    if kind == "charge_transfer":
+    if "exchange_ampere" in p:
         # ASSUME: In a pack charge transfer has equal coefficients for charge and discharge.
         # arcsinh of Butler–Volmer with equal coefficients: 2RT/F = 2·i0·r.
         scale = 2.0 * p["exchange_ampere"] * np.maximum(p["r_ohm"], SMALLEST_RESISTANCE_OHM)

@@ -125,7 +125,10 @@ def findings_of(compared, rows, end_ampere_hour):
     }
     # At the edges of the load branch sensors are read one after the other.
     inside = slice(rows.start + 1, max(rows.stop - 1, rows.start + 2))
-    row |= _both(compared, "peak_share", lambda ampere: _shares(total, ampere, inside).max())
+    mean = np.abs(total[inside]) / len(compared.capacity_ampere_hour)
+    row |= _both(
+        compared, "peak_share", lambda ampere: (np.abs(ampere[inside]).max(axis=1) / mean).max()
+    )
     low = np.flatnonzero(compared.soc[rows] <= LOW_SOC) + rows.start
     high = np.setdiff1d(np.arange(rows.start, rows.stop), low)
     for name, part in (("spread_above_15_soc", high), ("spread_below_15_soc", low)):
@@ -157,11 +160,6 @@ def _both(compared, name, quantity):
     """A quantity of the measured and of the simulated branch currents (n, branches)."""
     pairs = (("", compared.measured_ampere), ("simulated_", compared.simulated_ampere))
     return {prefix + name: float(quantity(ampere)) for prefix, ampere in pairs}
-
-
-def _shares(total, ampere, rows):
-    """Largest branch current over the mean of all branches at each of some rows [1]."""
-    return np.abs(ampere[rows]).max(axis=1) / (np.abs(total[rows]) / ampere.shape[1])
 
 
 def _spread(total, ampere, rows):

@@ -379,8 +379,8 @@ def _group_columns(compared, finding, stds):
     simulated = finding["simulated_group_capacity_ampere_hour"]
     return {
         "voltage_rmse_volt": rms(volt[compared.scored]),
-        "voltage_rmse_above_15_soc_volt": _rms(volt[rows["above"]]),
-        "voltage_rmse_below_15_soc_volt": _rms(volt[rows["below"]]),
+        "voltage_rmse_above_15_soc_volt": rms(volt[rows["above"]]),
+        "voltage_rmse_below_15_soc_volt": rms(volt[rows["below"]]),
         "mean_branch_current_ampere": float(_ideal(compared)),
         "kcl_residual_ampere": float(np.abs(kirchhoff).max()),
         "samples": int(compared.scored.sum()),
@@ -410,7 +410,7 @@ def _rows(compared, branches, members, offset, end, stds, of_group, wiring):
             "largest_current_ampere": float(end[1][k]),
         }
         row |= {
-            f"relative_current_rmse_{side}_15_soc": _rms(error[chosen, k]) / _ideal(compared)
+            f"relative_current_rmse_{side}_15_soc": rms(error[chosen, k]) / _ideal(compared)
             for side, chosen in sides.items()
         }
         std = stds and stds[0][:, k]
@@ -428,10 +428,6 @@ def _interval(name, unit, error, std, counted):
         f"{name}_interval_{unit}": float(half.mean()) if len(half) else np.nan,
         f"{name}_inside_interval": float(inside.mean()) if known else np.nan,
     }
-
-
-def _rms(values):
-    return rms(values) if len(values) else np.nan
 
 
 def _series(record, compared, stds):

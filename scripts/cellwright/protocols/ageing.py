@@ -1,7 +1,6 @@
 """Ageing records: the complete discharges and charges of many cycles in one test."""
 
 from collections import Counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -38,29 +37,6 @@ FORMATION_LEAST = 1.0 - FORMATION_SHARE
 EXAMPLES = 5  # cycles named in a sentence
 
 
-class AgeingCycles(NamedTuple):
-    """One entry a complete discharge or charge, in time order, arrays of shape (rows,).
-
-    cycle counts discharges: that of the sheet plus 1 for the first one in the record; a charge
-    has the number of the discharge that it prepares. room_temperature_celsius is the recorded
-    temperature of the surroundings over the half cycle, temperature_start_celsius the cell's as
-    it begins, temperature_mean_celsius the cell's over it; NaN where not recorded.
-    """
-
-    cycle: np.ndarray
-    direction: np.ndarray
-    start_time_second: np.ndarray
-    duration_second: np.ndarray
-    c_rate: np.ndarray
-    capacity_ampere_hour: np.ndarray
-    energy_watt_hour: np.ndarray
-    coulombic_efficiency: np.ndarray
-    room_temperature_celsius: np.ndarray
-    temperature_start_celsius: np.ndarray
-    temperature_mean_celsius: np.ndarray
-    capacity_std_ampere_hour: np.ndarray | None = None
-
-
 # ASSUME: A half cycle that reaches its cut-off under load is complete, whatever its load's shape;
 # so cycles of pulsed discharges count too.
 def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
@@ -77,9 +53,13 @@ def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
 
     test : its `cycle` is that of the first. instrument : `settings.Instrument`.
 
-    Returns rows, `protocols.ageing.AgeingCycles`, (k,): [Ah], [Wh], [1], [°C]; left_out: for each
-    reason how many half cycles were left out, and which. Raises Refusal: a cut-off is not stated,
-    or no complete cycle; the reasons are named. Source: docs/health.md.
+    Returns rows, columns (k,) [Ah], [Wh], [1], [°C], one entry a complete discharge or charge, in
+    time order. cycle counts discharges: that of the sheet plus 1 for the first one in the record; a
+    charge has the number of the discharge that it prepares. room_temperature_celsius is the
+    recorded temperature of the surroundings over the half cycle, temperature_start_celsius the
+    cell's as it begins, temperature_mean_celsius the cell's over it; NaN where not recorded.
+    left_out: for each reason how many half cycles were left out, and which. Raises Refusal: a
+    cut-off is not stated, or no complete cycle; the reasons are named. Source: docs/health.md.
     """
     limits = tuple(inputs.cutoffs(cell).values())
     if None in limits:
@@ -102,27 +82,23 @@ def ageing_cycles(series, steps, test, cell, course=None, instrument=None):
     unsure = edge_variance(time, columns[0], columns[2])
     logged = as_logged(series)["current_ampere"]
     at_rest, digit = reading_at_rest(logged, steps), coarsest_digit_ampere(logged, rated)
-    rows = [
-        (
-            *(cycle, *_numbers(half, efficiency, series, rated)),
-            np.linalg.norm(
-                [
-                    half.missing_ampere_hour,
-                    unsure_of_edges(half, unsure, columns, limits),
-                    unsure_of_instrument(
-                        *(half, time, columns[0], accuracy.current_accuracy_share, at_rest),
-                        clock_share=accuracy.clock_error_share,
-                    ),
-                    unsure_of_digit(half, time, columns[0], digit),
-                ]
+    rows, shares = [], (accuracy.current_accuracy_share, at_rest)
+    for cycle, efficiency, half in zip(cycles, efficiencies, halves, strict=True):
+        if half.fault:
+            continue
+        parts = (
+            half.missing_ampere_hour,
+            unsure_of_edges(half, unsure, columns, limits),
+            unsure_of_instrument(
+                *(half, time, columns[0], *shares), clock_share=accuracy.clock_error_share
             ),
+            unsure_of_digit(half, time, columns[0], digit),
         )
-        for cycle, efficiency, half in zip(cycles, efficiencies, halves, strict=True)
-        if not half.fault
-    ]
+        row = {"cycle": cycle} | _numbers(half, efficiency, series, rated)
+        rows.append(row | {"capacity_std_ampere_hour": np.linalg.norm(parts)})
     if not rows:
         raise Refusal(say("ageing.none", why="; ".join(left_out) or say("ageing.no_half")))
-    table = AgeingCycles(*[np.array(column) for column in zip(*rows, strict=True)])
+    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Result({"rows": table}, {"left_out": left_out}, (*left_out, *by_rest))
 
 
@@ -162,26 +138,26 @@ def _sentence(code, direction, among, members):
 
 
 def _numbers(half, efficiency, series, rated):
-    """Columns of AgeingCycles after `cycle` for one complete half cycle."""
+    """Columns of `ageing_cycles` after `cycle` for one complete half cycle."""
     rows = slice(half.first_row, half.last_row + 1)
     time, charge = series["test_time_second"][rows], series["charge_ampere_hour"][rows]
-    capacity = abs(float(charge[-1] - charge[0]))
     surface = series.get("surface_temperature_celsius")
     ambient = series.get("ambient_temperature_celsius")
     # The cell's temperature before the load warms it, over the last rows of the rest.
     before_load = slice(max(half.first_row - 5, 0), half.first_row + 1)
-    return (
-        NAMES[half.sign],
-        float(time[0]),
-        float(time[-1] - time[0]),
-        _middle_current(series["current_ampere"][rows], np.diff(charge)) / rated,
-        capacity,
-        abs(float(energy_counted(series["voltage_volt"][rows], charge)[-1])),
-        efficiency,
-        _time_mean(ambient, rows, time),
-        _median(surface, before_load),
-        _time_mean(surface, rows, time),
-    )
+    current = _middle_current(series["current_ampere"][rows], np.diff(charge))
+    return {
+        "direction": NAMES[half.sign],
+        "start_time_second": float(time[0]),
+        "duration_second": float(time[-1] - time[0]),
+        "c_rate": current / rated,
+        "capacity_ampere_hour": abs(float(charge[-1] - charge[0])),
+        "energy_watt_hour": abs(float(energy_counted(series["voltage_volt"][rows], charge)[-1])),
+        "coulombic_efficiency": efficiency,
+        "room_temperature_celsius": _time_mean(ambient, rows, time),
+        "temperature_start_celsius": _median(surface, before_load),
+        "temperature_mean_celsius": _time_mean(surface, rows, time),
+    }
 
 
 def _middle_current(current, moved):

@@ -99,20 +99,17 @@ def capacity(
     )
     halves = [_counted(half, columns[0], steps, whole_swing) for half in halves]
     halves = with_starts(halves, columns, limits, known)
-    left_out = tuple(
-        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {half.fault or half.words}"
-        for half in halves
-        if half.fault or half.words
-    )
+    named = [(half, f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s") for half in halves]
+    said = ((of, half.fault or half.words) for half, of in named)
+    left_out = tuple(f"{of}: {words}" for of, words in said if words)
     modes = tuple(
-        f"{NAMES[half.sign]} from {time[half.first_row]:.0f} s: {words}"
-        for half in halves
+        f"{of}: {words}"
+        for half, of in named
         if not half.fault and (words := mode_in_words(half, columns, steps, limits))
     )
     unsure, inserts = edge_variance(time, columns[0], columns[2]), inserting_sign(limits)
     logged = series.get("logged_current_ampere", columns[0])
-    at_rest = reading_at_rest(logged, steps)
-    digit = coarsest_digit_ampere(logged, rated)
+    at_rest, digit = reading_at_rest(logged, steps), coarsest_digit_ampere(logged, rated)
     balance = partial(balance_of, columns=columns, time=time, steps=steps, limits=limits)
     counted = partial(
         unsure_of_count,
@@ -124,28 +121,33 @@ def capacity(
         rest_ampere=at_rest,
     )
     sheet, complete = (stated, celsius), []
-    surface = series.get("surface_temperature_celsius")
+    unread = np.full(len(time), np.nan)
+    temperature = np.asarray(series.get("surface_temperature_celsius", unread), float)
     for half, partner in zip(halves, _partners(halves, inserts), strict=True):
         if half.fault:
             continue
-        row = _measured(half, partner, columns, steps, surface, inserts)
+        row = _measured(half, partner, columns, steps, temperature, inserts)
         row |= _of_balance(half, partner, balance, counted, inserts)
         row["edges"] = unsure_of_edges(half, unsure, columns, limits)
         row["instrument"] = unsure_of_instrument(
             *(half, time, columns[0], accuracy.current_accuracy_share, at_rest),
             clock_share=accuracy.clock_error_share,
         )
-        row |= _of_digit(half, partner, time, columns[0], digit)
-        row["doubt"] = doubts_of(
-            *(half, partner, row, columns, steps, limits, series.get("doubt"), sheet)
-        )
+        both = [one for one in (half, partner) if one is not None]
+        stds = [unsure_of_digit(one, time, columns[0], digit) for one in both]
+        row |= {"digit": stds[0], "digit_of_cycle": max(stds)}
+        doubt = series.get("doubt")
+        row["doubt"] = doubts_of(half, partner, row, columns, steps, limits, doubt, sheet)
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
     if not complete:
         why = "; ".join(left_out) or _none_begins(columns[0], columns[2], rated)
         raise Refusal(f"no complete discharge or charge: {why}")
-    rows = _repeats_joined(complete, rated)
-    return Result({"rows": rows}, notes=(*left_out, *modes))
+    # One row for the repeats of a direction, rate and temperature.
+    ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
+    rows = [_row(repeats, rated) for repeats in grouped_alike(ordered, _repeated)]
+    table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    return Result({"rows": table}, notes=(*left_out, *modes))
 
 
 def _none_begins(current, charge, rated):
@@ -231,12 +233,8 @@ def _measured(half, partner, columns, steps, temperature, inserts):
         "energy_watt_hour": abs(energy_counted(voltage[rows], charge[rows])[-1]),
         "coulombic_efficiency": efficiency if efficiency <= EFFICIENCY_MAX else np.nan,
         "mean_current_ampere": half.sign * rate,
-        "temperature_mean_celsius": np.nan
-        if temperature is None
-        else _mean(np.asarray(temperature, float)[rows]),
-        "temperature_start_celsius": np.nan
-        if temperature is None
-        else float(np.asarray(temperature, float)[half.first_row]),
+        "temperature_mean_celsius": _mean(temperature[rows]),
+        "temperature_start_celsius": float(temperature[half.first_row]),
         "constant_current_ampere_hour": abs(charge[held_row] - charge[half.first_row]),
         "missing": half.missing_ampere_hour,
     }
@@ -293,29 +291,10 @@ def _repeated(first, half):
     return alike and not apart > OTHER_CELSIUS
 
 
-def _begin(measured):
-    return measured["first_row"]
-
-
 def _mean(values):
     """Mean of the finite values; NaN where there are none."""
     measured = values[np.isfinite(values)]
     return float(measured.mean()) if len(measured) else np.nan
-
-
-def _of_digit(half, partner, test_time_second, current_ampere, digit_ampere):
-    """What the current's digit leaves open of a half cycle, and at most of either half [Ah]."""
-    halves = [one for one in (half, partner) if one is not None]
-    stds = [unsure_of_digit(one, test_time_second, current_ampere, digit_ampere) for one in halves]
-    return {"digit": stds[0], "digit_of_cycle": max(stds)}
-
-
-def _repeats_joined(complete, rated):
-    """Columns of stage `capacity`: one row for the repeats of a direction, rate and temperature."""
-    ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
-    repeats = grouped_alike(ordered, _repeated)
-    rows = [_row(halves, rated) for halves in repeats]
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def _row(halves, rated):
@@ -344,7 +323,9 @@ def _row(halves, rated):
         "coulombic_efficiency": means["coulombic_efficiency"],
         "coulombic_efficiency_std": _efficiency_std(columns),
         # Of a new cell that of formation, which no mean may hide.
-        "first_coulombic_efficiency": min(halves, key=_begin)["coulombic_efficiency"],
+        "first_coulombic_efficiency": min(halves, key=lambda half: half["first_row"])[
+            "coulombic_efficiency"
+        ],
         "repeats": len(sizes),
         "mean_current_ampere": means["mean_current_ampere"],
         "temperature_mean_celsius": means["temperature_mean_celsius"],

@@ -80,7 +80,11 @@ def diffusion_of_rest(
     time = time + begin
     if len(time) < FEWEST:
         raise Refusal(f"rest has {len(time)} samples, wanted {FEWEST} for diffusion")
-    grid, others = _grid(time, load_second), _criterion_of(exponentials)
+    # Of exponentials without diffusion: that the sphere has to fit better than.
+    others = _criterion(
+        exponentials.sse_volt2, exponentials.samples, 1 + 2 * len(exponentials.tau_second)
+    )
+    grid = _grid(time, load_second)
     fit = _fitted(time, voltage, load_second, grid, fast=False)
     if fit.criterion > others:
         with_fast = _fitted(time, voltage, load_second, grid, fast=True)
@@ -226,12 +230,6 @@ def _refuse(fit, time, current, others):
         raise Refusal("exponentials fit it better than diffusion in a sphere does")
     if not fit.std[len(fit.linear)] <= UNDETERMINED:
         raise Refusal(f"R²/D of {found:.3g} s is no surer than by half")
-
-
-def _criterion_of(exponentials):
-    """That of exponentials without diffusion."""
-    count = 1 + 2 * len(exponentials.tau_second)
-    return _criterion(exponentials.sse_volt2, exponentials.samples, count)
 
 
 def _criterion(power, samples, count):

@@ -78,13 +78,11 @@ def resistance(
     series, steps = inputs.columns(series, *inputs.NAMES), inputs.steps(steps)
     shares = inputs.settings_of(Instrument, instrument, {})
     pulses = pulse_resistance(
-        *inputs.quantities(series),
+        series,
         anchored.soc,
         steps,
         elsewhere=steps_elsewhere(repeats, inputs.test_facts(test), steps),
-        doubt=series.get("doubt"),
         against_soc=anchored.contradicted,
-        logged_current_ampere=series.get("logged_current_ampere"),
         rated_capacity_ampere_hour=inputs.basis(basis)["capacity_ampere_hour"],
         current_accuracy_share=shares.current_accuracy_share,
         **inputs.settings_of(Resistance, settings, changes)._asdict(),
@@ -95,19 +93,15 @@ def resistance(
 
 # ASSUME: In a record without short pulses, longer loads that begin from rest serve as pulses.
 def pulse_resistance(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
+    series,
     soc,
     steps,
     *,
     rated_capacity_ampere_hour,
     delay_second=RESISTANCE.delay_second,
     elsewhere=None,
-    doubt=None,
     against_soc="",
     current_accuracy_share=INSTRUMENT.current_accuracy_share,
-    logged_current_ampere=None,
 ):
     """Resistance of every pulse of a record at the delays asked for.
 
@@ -129,16 +123,16 @@ def pulse_resistance(
     at rest before the pulse, and of delay 0 when the pulse began (`pulse_begin`), not the drift of
     the open-circuit voltage.
 
-    test_time_second, current_ampere, voltage_volt : (n,) [s], [A], [V], positive on charge.
+    series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere, voltage_volt;
+        logged_current_ampere and doubt where there are.
     soc : (n,) state of charge [1]; the value before the pulse is reported.
     steps : Steps of the record.
     rated_capacity_ampere_hour : [Ah] for the C-rate.
     delay_second : delays from the edge [s].
     elsewhere : as of `not_elsewhere`.
-    doubt : (n,) flags of `series.doubts.Doubt`, or None. against_soc : in words, what contradicts
-        the stated SoC of the record: it, the voltage or the cut-offs are wrong; or "".
-    current_accuracy_share : as of `settings.Instrument`. logged_current_ampere : (n,) [A] where
-        cleaning took the sensor's reading out of rests, or None.
+    against_soc : in words, what contradicts the stated SoC of the record: it, the voltage or the
+        cut-offs are wrong; or "".
+    current_accuracy_share : as of `settings.Instrument`.
 
     Returns rows, which are columns of stage `resistance`, one entry a pulse and delay;
     relaxation_ohm is what d_k has taken off.
@@ -149,10 +143,9 @@ def pulse_resistance(
     the reasons are named.
     """
     time, current, voltage, soc = (
-        np.asarray(column, float)
-        for column in (test_time_second, current_ampere, voltage_volt, soc)
+        np.asarray(column, float) for column in (*map(series.get, inputs.NAMES), soc)
     )
-    logged = current if logged_current_ampere is None else np.asarray(logged_current_ampere, float)
+    logged = np.asarray(series.get("logged_current_ampere", current), float)
     chosen, rated = _chosen(steps), rated_capacity_ampere_hour
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
@@ -184,7 +177,9 @@ def pulse_resistance(
         off = np.hypot(current_accuracy_share, offset) / np.sqrt(3.0) * row["resistance_ohm"]
         parts = [row["resistance_std_ohm"], off, pulse.begun.unsure_ohm * (delay == 0)]
         row["resistance_std_ohm"] = np.linalg.norm(parts)
-        said = in_words(doubt, slice(pulse.before, pulse.before + 2 + len(pulse.rows.delay)))
+        said = in_words(
+            series.get("doubt"), slice(pulse.before, pulse.before + 2 + len(pulse.rows.delay))
+        )
         words = [said, pulse.begun.lacking or later, _too_coarse(digits[1], pulse.step)]
         row["doubt"] = "; ".join(filter(None, words))
         rows.append(row)

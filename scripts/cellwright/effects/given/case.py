@@ -22,7 +22,6 @@ from cellwright.numerics.noise import FIRST
 from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
-OHMIC = ("R", "charge_transfer", "R_two_way")
 LEAST_LOG_STD, MOST_LOG_STD = 0.02, 0.3
 TAU_LOG_STD = 0.1
 LEAST_OHM = 1e-9
@@ -127,7 +126,7 @@ def _summed(circuit, rows, *, at_once):
     parts = [
         branch.parameters["r_ohm"]
         for branch in circuit
-        if "r_ohm" in branch.parameters and (branch.kind in OHMIC) == at_once
+        if "r_ohm" in branch.parameters and ("tau_second" not in branch.parameters) == at_once
     ]
     return np.maximum(np.sum(parts, axis=0), LEAST_OHM) if parts else np.ones(rows)
 

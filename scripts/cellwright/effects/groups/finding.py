@@ -234,7 +234,7 @@ def group_verdict(group, found, result, deviations, library):
 
     Parameters
     ----------
-    group : name. found : search.Found of a GroupCase. result : verdict.Outcome of it.
+    group : name. found : search.Search of a GroupCase. result : verdict.Outcome of it.
     deviations : see `verdict.outcome`. library : dict of Effect by id.
 
     Returns

@@ -45,7 +45,7 @@ def slow_curve(
     """
     limits = {"lower_cutoff_volt": lower_cutoff_volt, "upper_cutoff_volt": upper_cutoff_volt}
     try:
-        found = _ocv(columns, limits, least_hour)
+        found = slow_ocv(columns, least_hour=least_hour, **limits)
         branch = {"charge": found.charge_volt, "discharge": found.discharge_volt}
         voltage = branch.get(found.branches, found.ocv_volt)
     except Refusal as refusal:
@@ -117,15 +117,10 @@ def _check_up_of(test, cell):
     return cell, test.test, float(test.cycle or 0.0), np.nan if celsius is None else float(celsius)
 
 
-def _ocv(columns, limits, least_hour):
-    series, files = [columns[name] for name in NAMES], columns.get("file_index")
-    return slow_ocv(*series, file_index=files, least_hour=least_hour, **limits)
-
-
 def _mean_of_both(columns, limits, mean_hour, refusal):
     """A faster discharge and charge, and their mean over SoC; else the refusal of slow ones."""
     try:
-        found = _ocv(columns, limits, mean_hour)
+        found = slow_ocv(columns, least_hour=mean_hour, **limits)
     except Refusal:
         raise refusal from None
     currents = _currents(found)
@@ -188,7 +183,13 @@ def check_ups(curves):
         like[0].append(curve) if like else protocols.append([curve])
     if not protocols:
         return [], []
-    best = min(protocols, key=lambda group: (-len({one.cycle for one in group}), *_rank(group[0])))
+
+    def rank(group):
+        first = group[0]
+        kind = first.branches == "rests", first.current_ampere, first.branches != "both"
+        return -len({one.cycle for one in group}), *kind
+
+    best = min(protocols, key=rank)
     chosen = {}
     for curve in best:
         chosen.setdefault(curve.cycle, curve)
@@ -200,11 +201,6 @@ def check_ups(curves):
     seconds = [curve for curve in best if curve is not chosen[curve.cycle]]
     left_out += [_second(curve, chosen[curve.cycle]) for curve in seconds]
     return list(chosen.values()), [words for words in left_out if words]
-
-
-def _rank(curve):
-    """What counts first of protocols that as many check-ups have."""
-    return curve.branches == "rests", curve.current_ampere, curve.branches != "both"
 
 
 def _second(curve, counted):

@@ -140,14 +140,11 @@ def _followed(sequence, tracks, tolerance, shifts, known):
         rows += new_rows
         states.append((charge.cycle, tracks))
         if _count(charge):
-            tracks = [_begun(track) if joined else track for track in tracks]
+            if joined:
+                # The first height is that of this sequence: that of another rate says nothing.
+                tracks = [t._replace(first_height=t.height if t.seen else np.nan) for t in tracks]
             wide, joined = usual, False
     return rows, states
-
-
-def _begun(track):
-    """A track whose first height is that of this sequence: that of another rate says nothing."""
-    return track._replace(first_height=track.height if track.seen else np.nan)
 
 
 def _charge_rows(charge, tracks, tolerance, shift_std, joined, numbers):

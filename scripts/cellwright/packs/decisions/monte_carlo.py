@@ -49,7 +49,11 @@ def string_draws(models, drawn, *, lower_cutoff_volt, current_ampere, initial_so
         full = (start[k] + drawn.initial_soc[:, k]) * drawn.capacity_factor[:, k]
         ends[:, k] = np.fmin(at_cutoff, full * model["capacity_ampere_hour"])
     end = ends.min(axis=1)
-    energy = [_energy_until(charge, volt[d].sum(axis=0), end[d]) for d in range(draws)]
+    energy = []
+    for whole, last in zip(volt.sum(axis=1), end, strict=True):
+        kept = charge < last
+        at_end = np.interp(last, charge, whole)
+        energy.append(np.trapezoid(np.append(whole[kept], at_end), np.append(charge[kept], last)))
     ones, hottest = np.ones(draws), np.argmax(heat, axis=1)
     return PackDraws(
         end, np.array(energy), np.argmin(ends, axis=1), ones, heat.max(axis=1), hottest
@@ -71,12 +75,6 @@ def _cell_curves(model, of_cell, charge, current_ampere, start, celsius):
         inside = (course > 0.0) & (course < 1.0)
         heats.append(-resistance * over[inside].mean() * current_ampere)
     return np.array(volts), np.abs(heats)
-
-
-def _energy_until(charge, volt, end):
-    kept = charge < end
-    at_end = np.interp(end, charge, volt)
-    return np.trapezoid(np.append(volt[kept], at_end), np.append(charge[kept], end))
 
 
 def pack_draws(

@@ -26,7 +26,6 @@ class Discharge(NamedTuple):
     capacity_ampere_hour, energy_watt_hour : of the string. weakest : index of the cell that ends
     it. end_ampere_hour : (cells,) charge at which each cell alone would be empty.
     voltage_at_end_volt, soc_at_end : (cells,) when the string has ended.
-    charge_ampere_hour, cell_voltage_volt : (n,), (n, cells) the simulated discharge to that end.
     """
 
     capacity_ampere_hour: float
@@ -35,8 +34,6 @@ class Discharge(NamedTuple):
     end_ampere_hour: np.ndarray
     voltage_at_end_volt: np.ndarray
     soc_at_end: np.ndarray
-    charge_ampere_hour: np.ndarray
-    cell_voltage_volt: np.ndarray
 
 
 def discharge_string(
@@ -127,16 +124,11 @@ def ended_string(curves, items=slice(None), *, contact_volt=0.0):
     weakest = int(np.nanargmin(ends))
     end = ends[weakest]
     kept = charge < end
-    grid = np.append(charge[kept], end)
-
-    def until_end(columns):
-        at_end = [np.interp(end, charge, column) for column in columns.T]
-        return np.vstack([columns[kept], at_end])
-
-    voltage, soc = until_end(curves.cell_voltage_volt[:, items]), until_end(curves.soc[:, items])
-    energy = np.trapezoid(voltage.sum(axis=1) - contact_volt, grid)
-    state = (voltage[-1], soc[-1], grid, voltage)
-    return Discharge(float(end), float(energy), weakest, ends, *state)
+    volt, soc = curves.cell_voltage_volt[:, items], curves.soc[:, items]
+    at_end = [np.array([np.interp(end, charge, column) for column in of.T]) for of in (volt, soc)]
+    whole = np.vstack([volt[kept], at_end[0]]).sum(axis=1) - contact_volt
+    energy = np.trapezoid(whole, np.append(charge[kept], end))
+    return Discharge(float(end), float(energy), weakest, ends, *at_end)
 
 
 class Balance(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.numerics.statistics import robust_std
-from cellwright.protocols.ica.levels import rises
+from cellwright.protocols.ica.blocks import rises
 from cellwright.protocols.ica.spline import PROMINENCE, curve_of, slope_of_charge, slope_peaks
 from cellwright.protocols.messages import say
 from cellwright.refusal import Refusal

@@ -8,8 +8,8 @@ from cellwright.protocols.ica.charge import (
     constant_rows,
     ica_peaks,
 )
-from cellwright.protocols.ica.curve import IncrementalCapacity, Peaks
 from cellwright.protocols.ica.parts import parts_joined
+from cellwright.protocols.ica.spline import IncrementalCapacity, Peaks
 from cellwright.records import inputs
 from cellwright.records.conditions import SAME_RATE
 from cellwright.refusal import Refusal
@@ -31,7 +31,7 @@ def ica(series, steps, *, direction="charge"):
     direction : "discharge" for that of the discharge, which is read as its mirror image: charge and
         dQ/dV count from its lowest voltage, as those of a charge do.
 
-    Returns curve, `protocols.ica.curve.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
+    Returns curve, `protocols.ica.spline.IncrementalCapacity` [Ah/V] over voltage [V]; its c_rate
     [1/h]. Raises Refusal: no constant-current charge, or one over too small a voltage.
     Source: docs/ica.md.
     """

@@ -5,9 +5,8 @@ from contextlib import suppress
 import numpy as np
 
 from cellwright.protocols.ica.charge import charge_slope, constant_current_charge, constant_rows
-from cellwright.protocols.ica.curve import Peaks
 from cellwright.protocols.ica.parts import parts_joined
-from cellwright.protocols.ica.spline import slope_peaks
+from cellwright.protocols.ica.spline import Peaks, slope_peaks
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
@@ -61,9 +60,9 @@ def _charges_of_life(cycles, steps, record, most):
         inside = (start > begins[k] - 1.0) & (start < begins[k + 1] - 1.0)
         with suppress(Refusal):
             *ends, step = constant_current_charge(steps, charge, among=inside)
-            joined = parts_joined(*record, steps, step, constant_rows(current, *ends))
+            rows, notes = parts_joined(*record, steps, step, constant_rows(current, *ends))
             rated = steps["current_mean_ampere"][step] / steps["c_rate"][step]
-            yield float(cycles["cycle"][k]), *joined, float(np.median(current[joined.rows]) / rated)
+            yield float(cycles["cycle"][k]), rows, notes, float(np.median(current[rows]) / rated)
 
 
 def _rows(shared, peaks):

@@ -7,7 +7,6 @@ the pause itself shows.
 """
 
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,6 @@ WINDOW = 0.5  # of the time at rest: over so much of its end the relaxation is r
 GRID = 1.1  # ratio of the times after a pause that are tried
 
 
-class Charge(NamedTuple):
-    """Rows (n,) of one charge in the order of time, and sentences on where it was cut."""
-
-    rows: np.ndarray
-    notes: tuple
-
-
 def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="charge"):
     """Rows of a constant-current charge with the parts before and after its pauses.
 
@@ -43,7 +35,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
         duration_second. step : of the largest part, ends : its first and last row.
     half : as of `constant_current_charge`.
 
-    Returns charge: Charge.
+    Returns rows: (m,) of the charge in the order of time. notes : sentences on where it was cut.
     """
     columns = time, current, voltage, charge
     parts, notes = [ends], []
@@ -51,7 +43,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
         last = step
         while (beside := _beside(steps, last, way)) is not None:
             at = ends[way > 0] if last == step else parts[-1 if way > 0 else 0][way > 0]
-            part = _part(steps, beside, current, columns)
+            part = _part(steps, beside, current)
             reason = _not_one(steps, last, beside, part, ends, columns)
             if reason:
                 if _moved(charge, part) > TURN_SHARE * _moved(charge, ends):
@@ -61,7 +53,7 @@ def parts_joined(time, current, voltage, charge, steps, step, ends, *, half="cha
             parts = [*parts, part] if way > 0 else [part, *parts]
             last = beside
     rows, words = _without_returns(parts, columns, half)
-    return Charge(rows, (*words, *notes))
+    return rows, (*words, *notes)
 
 
 def _beside(steps, step, way):
@@ -75,7 +67,7 @@ def _beside(steps, step, way):
     return number if of_charge else None
 
 
-def _part(steps, step, current, columns):
+def _part(steps, step, current):
     """First and last row of the constant current of a step."""
     first = int(steps["first_row"][step])
     held = steps["cv_first_row"][step]

@@ -150,14 +150,6 @@ def criterion_of(candidates, criterion):
     return np.array([getattr(candidate, CRITERIA[criterion]) for candidate in candidates])
 
 
-def best(candidates, *, criterion):
-    """The candidate with the least criterion ("bic" or "cross_validation") among those fitted.
-
-    Raises Refusal: as `criterion_of`.
-    """
-    return candidates[least(criterion_of(candidates, criterion))]
-
-
 def least(values):
     """Place of the first of the least values (k,); of one circuit's fits several may be."""
     lowest = np.nanmin(values)

@@ -337,7 +337,9 @@ def fit_circuit(
         raise Refusal(f"circuit {circuit} has no parameter {unknown}; it has {list(tree.names)}")
     size = features(frequency, impedance)
     column, offset = _freedom(tree, fixed or {}, tied or {})
-    free = _free_parameters(column)
+    # Place of each free parameter among all; of tied ones the first.
+    places = column.tolist()
+    free = [places.index(k) for k in range(max(places, default=-1) + 1)]
     ends = [np.log(limits[free]) for limits in parameter_limits(tree, size)]
     problem = Problem(tree, frequency, impedance, 1 / np.abs(impedance), column, offset, *ends)
     # Arcs may change places, so each capacitive element multiplies the optima.
@@ -373,12 +375,6 @@ def _freedom(tree, fixed, tied):
     if not all(value > 0 for value in kept):
         raise Refusal("a fixed value or the ratio of a tied parameter is not above zero")
     return np.array(column, np.int64), np.log(np.array(kept, float))
-
-
-def _free_parameters(column):
-    """Place of each free parameter among all; of tied ones the first."""
-    places = column.tolist()
-    return [places.index(k) for k in range(max(places, default=-1) + 1)]
 
 
 def _result(problem, found, costs, rows):

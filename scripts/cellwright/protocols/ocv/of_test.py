@@ -22,10 +22,8 @@ def ocv(series, cell, *, least_hour=OCV.least_hour, test=None, course=None):
     Returns curve, `protocols.ocv.slow.OcvCurve` over SoC; functions: `OcvFunction` each. Raises
     Refusal: no charge or discharge is slow enough or complete. Source: docs/ocv.md.
     """
-    columns = inputs.columns(series, *inputs.COUNTED)
     curve = slow_ocv(
-        *inputs.quantities(columns, inputs.COUNTED),
-        file_index=columns.get("file_index"),
+        inputs.columns(series, *inputs.COUNTED),
         least_hour=least_hour,
         **known_of_start(course, test),
         **inputs.cutoffs(cell),
@@ -41,11 +39,11 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, course=None):
     Refusal: no capacity, or too few rests. Source: docs/ocv.md.
     """
     test, steps = inputs.test_facts(test), inputs.steps(steps)
-    columns = inputs.quantities(series, inputs.COUNTED)
+    series = inputs.columns(series, *inputs.COUNTED)
     # Pulse tests rarely end at the lower cut-off: full comes from the record or the test before
     # it, the capacity from the discharges of the cell near this temperature and cycle.
     scale = rest_scale(
-        *columns[1:],
+        *inputs.quantities(series, inputs.COUNTED[1:]),
         steps,
         inputs.entries(capacities),
         state_of_health=inputs.cell_facts(cell).state_of_health,
@@ -54,9 +52,9 @@ def ocv_from_rests(series, steps, cell, test, capacities=(), *, course=None):
         **inputs.ratings(cell),
         **known_of_start(course, test),
     )
-    points = rest_points(*columns, steps)
+    points = rest_points(series, steps)
     curve = ocv_of_rests(points, scale, **inputs.cutoffs(cell))
-    table = points._asdict() | {"soc": soc_at(points, scale)}
+    table = points | {"soc": soc_at(points, scale)}
     words = {"capacity_source": scale.source}
     return Result({"curve": curve, "points": table}, words, (curve.note,))
 
@@ -70,7 +68,7 @@ def ocv_from_load(series, cell, test):
     Returns curve over SoC as of `ocv`, no points. Raises Refusal: no leg of the record is full and
     runs to its cut-off. Source: docs/ocv.md.
     """
-    curve = slowest_load(*inputs.quantities(series, inputs.COUNTED), **inputs.cutoffs(cell))
+    curve = slowest_load(inputs.columns(series, *inputs.COUNTED), **inputs.cutoffs(cell))
     # The charge of this leg is at its own rate: less than a slow one, and said to be so.
     slow = slow_capacity(curve._asdict() | {"test": inputs.test_facts(test).test}, [])
     words = {"capacity_source": slow["capacity_source"].replace("slow test", "long load")}

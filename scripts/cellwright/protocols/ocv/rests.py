@@ -5,63 +5,41 @@ The protocol, in steps: (1) from full, take out a portion; (2) rest, until the v
 added where two exponentials tell it.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
+from cellwright.protocols.half_cycles import columns_of
 from cellwright.protocols.ocv.slow import POINTS, OcvCurve, joined, rising
 from cellwright.protocols.rests import rests_of
 from cellwright.refusal import Refusal
 from cellwright.series.steps import follows_directly
 
 FEWEST, SPAN = 5, 0.5  # points of a branch, and the SoC that they must span
+POINT = (
+    *("charge_ampere_hour", "end_volt", "relaxed_volt", "doubt_volt", "direction"),
+    *("current_ampere", "rest_second", "read_ampere_hour"),
+)
 
 
-class RestPoints(NamedTuple):
-    """One entry a rest, arrays of shape (rests,).
-
-    charge_ampere_hour : net charge of the record at its end [Ah]. end_volt : median of its last
-    fiftieth [V]. relaxed_volt : where its exponentials end, NaN where they are not told [V].
-    doubt_volt : what the extrapolation may be off by, NaN where there is none [V]. direction : of
-    the load before. current_ampere : of that load, positive on charge. rest_second : length.
-    read_ampere_hour : what the current channel counted within the rest [Ah].
-    """
-
-    charge_ampere_hour: np.ndarray
-    end_volt: np.ndarray
-    relaxed_volt: np.ndarray
-    doubt_volt: np.ndarray
-    direction: np.ndarray
-    current_ampere: np.ndarray
-    rest_second: np.ndarray
-    read_ampere_hour: np.ndarray
-
-
-def rest_points(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
-    steps,
-):
+def rest_points(series, steps):
     """Voltage and charge at the end of each rest of ten minutes or more that follows a load.
 
     Before the first of them, where the cell is nearly full, a rest after a discharge counts that is
     ten times as long as its load: a pulse of seconds leaves little to relax.
 
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A] positive on
-        charge, [V], net charge [Ah].
+    series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere, voltage_volt,
+        charge_ampere_hour.
     steps : series.steps.Steps.
 
-    Returns points: RestPoints.
+    Returns points: dict of (rests,) columns. charge_ampere_hour : net charge of the record at its
+    end [Ah]. end_volt : median of its last fiftieth [V]. relaxed_volt : where its exponentials end,
+    NaN where they are not told [V]. doubt_volt : what the extrapolation may be off by, NaN where
+    there is none [V]. direction : of the load before. current_ampere : of that load, positive on
+    charge. rest_second : length. read_ampere_hour : what the current channel counted within the
+    rest [Ah].
     """
-    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
-    time, current, voltage, charge = (np.asarray(column, float) for column in columns)
-    unknown = np.full(len(time), np.nan)
-    fitted = rests_of(
-        *(time, current, voltage, unknown, steps),
-        diffusion=False,
-    ).rows
+    time, (current, voltage, charge) = series["test_time_second"], columns_of(series)
+    time, unknown = np.asarray(time, float), np.full(len(time), np.nan)
+    fitted = rests_of(time, current, voltage, unknown, steps, diffusion=False).rows
     chosen = [
         {name: column[k] for name, column in fitted.items()}
         for k in np.flatnonzero(fitted["chosen"])
@@ -73,9 +51,7 @@ def rest_points(
     first = min((row["start"] for row in rows), default=-np.inf)
     rows = [*_short_rests(steps, before=first), *rows]
     rows = [row | _ends(time, voltage, charge, row) for row in rows]
-    return RestPoints(
-        **{name: np.array([row[name] for row in rows]) for name in RestPoints._fields}
-    )
+    return {name: np.array([row[name] for row in rows]) for name in POINT}
 
 
 def _long_rest(fitted):
@@ -135,7 +111,7 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     monotone cubics (PCHIP). Where both are there the curve is their mean. Beyond the outermost
     points it runs on straight through the last two of them, not beyond the cut-offs.
 
-    points : RestPoints. scale : records.anchor.Scale.
+    points : of `rest_points`. scale : records.anchor.Scale.
     lower_cutoff_volt, upper_cutoff_volt : [V]; the upper may be None.
 
     Returns curve: OcvCurve with branches "rests"; joined_by "mean" or "single". Raises Refusal:
@@ -145,8 +121,8 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
     """
     soc = np.linspace(0.0, 1.0, POINTS)
     rest_soc = soc_at(points, scale)
-    volt = np.where(np.isnan(points.relaxed_volt), points.end_volt, points.relaxed_volt)
-    after = {name: points.direction == name for name in ("discharge", "charge")}
+    volt = np.where(np.isnan(points["relaxed_volt"]), points["end_volt"], points["relaxed_volt"])
+    after = {name: points["direction"] == name for name in ("discharge", "charge")}
     # A first row below a later rest is no rest: it shows the load after it, by a clock that is off.
     starts_full = scale.first_volt >= volt.max(initial=-np.inf) and rest_soc.max(initial=0) < 1
     full_point = {"discharge": [(1.0, scale.first_volt)] if starts_full else [], "charge": []}
@@ -172,8 +148,8 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
         charge_capacity_ampere_hour=np.nan,
         closed_capacity_ampere_hour=scale.capacity_ampere_hour,
         branches="rests",
-        discharge_current_ampere=_usual(points.current_ampere[after["discharge"]]),
-        charge_current_ampere=_usual(points.current_ampere[after["charge"]]),
+        discharge_current_ampere=_usual(points["current_ampere"][after["discharge"]]),
+        charge_current_ampere=_usual(points["current_ampere"][after["charge"]]),
         joined_by=joined_by,
         step_volt=np.nan,
         measured_soc=(float(soc[measured].min()), float(soc[measured].max())),
@@ -185,9 +161,9 @@ def ocv_of_rests(points, scale, *, lower_cutoff_volt, upper_cutoff_volt=None):
 def soc_at(points, scale):
     """State of charge (rests,) at the end of each rest.
 
-    points : RestPoints. scale : records.anchor.Scale.
+    points : of `rest_points`. scale : records.anchor.Scale.
     """
-    return 1 + (points.charge_ampere_hour - scale.full_ampere_hour) / scale.capacity_ampere_hour
+    return 1 + (points["charge_ampere_hour"] - scale.full_ampere_hour) / scale.capacity_ampere_hour
 
 
 def _branch(rest_soc, volt, full_point, soc):
@@ -238,11 +214,11 @@ def _too_few(rest_soc, after):
 
 def _note(points, scale, used, joined_by, measured_soc, starts_full):
     """Sentences on how far the rests had relaxed, which branch they are, and what is measured."""
-    ahead = 1e3 * np.abs(points.relaxed_volt - points.end_volt)[used]
+    ahead = 1e3 * np.abs(points["relaxed_volt"] - points["end_volt"])[used]
     determined = np.isfinite(ahead)
     sentences = [f"OCV from {used.sum()} rests; {scale.start}"]
     if determined.any():
-        added, doubt = ahead[determined], 1e3 * points.doubt_volt[used][determined]
+        added, doubt = ahead[determined], 1e3 * points["doubt_volt"][used][determined]
         sentences.append(
             f"what was still to relax is added ({np.median(added):.1f} mV typically, "
             f"{added.max():.1f} mV at most) and may be off by {np.median(doubt):.1f} mV typically, "
@@ -253,7 +229,7 @@ def _note(points, scale, used, joined_by, measured_soc, starts_full):
             f"{(~determined).sum()} are taken as measured: their exponentials are not told"
         )
     if joined_by == "single":
-        side = points.direction[used][0]
+        side = points["direction"][used][0]
         sentences.append(
             f"all after {side}: half a hysteresis, if the cell has one, is in the curve"
         )
@@ -262,7 +238,7 @@ def _note(points, scale, used, joined_by, measured_soc, starts_full):
     low, high = measured_soc.min(), measured_soc.max()
     if low > 0 or high < 1:
         sentences.append(f"straight on beyond SoC {low:.3f} to {high:.3f}")
-    read = points.read_ampere_hour.sum() / scale.capacity_ampere_hour
+    read = points["read_ampere_hour"].sum() / scale.capacity_ampere_hour
     # Half a per cent of the capacity is as much as a counted SoC is believed.
     if abs(read) > 0.005:
         sentences.append(

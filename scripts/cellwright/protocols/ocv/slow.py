@@ -17,6 +17,7 @@ from cellwright.protocols.half_cycles import (
     RETURN_SHARE,
     Before,
     HalfCycle,
+    columns_of,
     start_by_rest,
     start_of_first,
     start_under_load,
@@ -147,12 +148,8 @@ class OcvCurve(NamedTuple):
 
 
 def slow_ocv(
-    test_time_second,
-    current_ampere,
-    voltage_volt,
-    charge_ampere_hour,
+    series,
     *,
-    file_index=None,
     lower_cutoff_volt,
     upper_cutoff_volt,
     least_hour=OCV.least_hour,
@@ -164,9 +161,9 @@ def slow_ocv(
     Where files of their own complete both branches, so that each begins in equilibrium, they are
     joined by `from_equilibrium`, else as their mean.
 
-    test_time_second, current_ampere, voltage_volt, charge_ampere_hour : (n,) [s], [A], [V], [Ah].
-        Current positive on charge; the net charge carries on across gaps and joined files.
-    file_index : (n,) int, which of the joined files a row is from; None: one file.
+    series : dict of (n,) columns of stage `clean`: test_time_second, current_ampere, voltage_volt,
+        charge_ampere_hour, whose net charge carries on across gaps and joined files; file_index,
+        which of the joined files a row is from, where there are several.
     lower_cutoff_volt, upper_cutoff_volt : where a full discharge and a full charge end [V].
     least_hour : a branch is slow if it takes longer than this at its current [h].
     soc_at_start : of the first row, as the sheet states it [1], or None. state_before : "full" or
@@ -183,11 +180,10 @@ def slow_ocv(
     if unstated := [f"{name} cut-off" for name, volt in ends.items() if volt is None]:
         named = " and the ".join(unstated)
         raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
-    files = np.zeros(len(voltage_volt), int) if file_index is None else np.asarray(file_index, int)
-    columns = (test_time_second, current_ampere, voltage_volt, charge_ampere_hour)
-    time, current, voltage, net_charge = (np.asarray(column, float) for column in columns)
+    time, (current, voltage, net_charge) = series["test_time_second"], columns_of(series)
+    time, files = np.asarray(time, float), series.get("file_index", np.zeros(len(time)))
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
-    columns = time, current, voltage, net_charge, files
+    columns = time, current, voltage, net_charge, np.asarray(files, int)
     known = Before(state_before, soc_at_start)
     discharge, charge, net_charge, note = _legs_chosen(columns, (cutoffs, least_hour), known)
     *closed, without_drift, drift = _closed(discharge, charge, time, current, net_charge)
@@ -227,19 +223,19 @@ def _step_at_once(*legs):
     return float(np.nanmin([*begun, *ended])) if np.isfinite(ended).any() else np.nan
 
 
-def slowest_load(*columns, **limits):
+def slowest_load(series, **limits):
     """As `slow_ocv` of whatever is slowest in a record: a faster full leg is no part of the curve.
 
-    columns, limits : arguments of `slow_ocv` without least_hour.
+    series, limits : arguments of `slow_ocv` without least_hour.
 
     Returns curve: OcvCurve. Raises Refusal: no leg of the record is full and runs to its cut-off.
     """
-    curve = slow_ocv(*columns, **limits, least_hour=0.0)
+    curve = slow_ocv(series, **limits, least_hour=0.0)
     while True:
         sides = abs(curve.discharge_current_ampere), abs(curve.charge_current_ampere)
         slower = SAME_RATE * curve.capacity_ampere_hour / np.nanmax(sides)
         try:
-            curve = slow_ocv(*columns, **limits, least_hour=slower)
+            curve = slow_ocv(series, **limits, least_hour=slower)
         except Refusal:
             return curve
 

@@ -18,6 +18,8 @@ from cellwright.result import Result
 
 LEAST_PLATEAU_SECOND = 1200.0  # of steady temperature; a shorter one is not read
 LEAST_REFERENCE_SECOND = 7200.0  # by which a relaxation can be carried on (thesis 3.3: 10 h)
+SETTLED_KELVIN_PER_HOUR = 1.0  # slower, and the cell has reached a temperature
+SKIP_SECOND = 3600.0  # of a rest: faster processes of the relaxation have ended by then
 BIN_SECOND = 600.0  # a chamber swings about its set point within minutes
 
 
@@ -53,12 +55,10 @@ def _binned(time, values, begin):
     return edges, *(np.add.reduceat(c, edges[:-1]) / np.diff(edges) for c in (time, values))
 
 
-def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hour, least_second):
-    """Stretches in which the temperature moves slower than a limit.
+def plateaus_of(test_time_second, temperature_celsius):
+    """Stretches in which the temperature moves slower than 1 K/h over 20 minutes, for 20 minutes.
 
     test_time_second, temperature_celsius : (n,) [s], [degC].
-    settled_kelvin_per_hour : the limit, over 20 minutes [K/h].
-    least_second : a shorter stretch does not count [s].
 
     Returns plateaus: list of Plateau, in order of time.
     """
@@ -67,13 +67,13 @@ def plateaus_of(test_time_second, temperature_celsius, *, settled_kelvin_per_hou
     edges, middle, means = _binned(time, celsius, time[0])
     if len(means) < 2:
         return []
-    still = np.abs(np.gradient(means, middle / 3600)) < settled_kelvin_per_hour
+    still = np.abs(np.gradient(means, middle / 3600)) < SETTLED_KELVIN_PER_HOUR
     turns = np.flatnonzero(np.diff(still.astype(int), prepend=0, append=0))
     rows = [(edges[a], edges[b] - 1, b - a) for a, b in zip(turns[::2], turns[1::2], strict=True)]
     return [
         Plateau(int(a), int(b), float(np.mean(celsius[a : b + 1])), int(bins))
         for a, b, bins in rows
-        if time[b] - time[a] >= least_second
+        if time[b] - time[a] >= LEAST_PLATEAU_SECOND
     ]
 
 
@@ -147,59 +147,34 @@ def chamber_steps(series, steps, basis, test, cell):
     Refusal: no rest with two steady temperatures. Source: thesis 3.3; docs/charge-temperature.md.
     """
     # The shift of the OCV by temperature changes its sign over SoC, so that must be known.
-    columns, anchored = inputs.columns(series), state_of_charge(series, basis, test, cell)
-    shifts = chamber_shifts(
-        *inputs.quantities(columns, ("test_time_second", "voltage_volt")),
-        cell_temperature(columns),
-        anchored.soc,
-        inputs.steps(steps),
-    )
+    columns = inputs.columns(series, *inputs.NAMES)
+    anchored = state_of_charge(series, basis, test, cell)
+    shifts = chamber_shifts(columns, anchored.soc, inputs.steps(steps))
     notes = (f"SoC: {anchored.anchor}", *shifts.notes)
     return Result({"rows": shifts.rows}, notes=notes)
 
 
-def chamber_shifts(
-    test_time_second,
-    voltage_volt,
-    temperature_celsius,
-    soc,
-    steps,
-    *,
-    least_plateau_second=LEAST_PLATEAU_SECOND,
-    least_reference_second=LEAST_REFERENCE_SECOND,
-    settled_kelvin_per_hour=1.0,
-    skip_second=3600.0,  # faster processes of the relaxation have ended by then
-):
+def chamber_shifts(series, soc, steps):
     """Shift of the open-circuit voltage at every temperature of every rest.
 
-    test_time_second, voltage_volt : (n,) [s], [V].
-    temperature_celsius : (n,) of the cell, else of the chamber [degC] (`cell_temperature`).
+    series : dict of (n,) columns of stage `clean`: test_time_second, voltage_volt, and the
+        temperature of the cell, else of the chamber (`cell_temperature`).
     soc : (n,) state of charge [1], NaN where it is not known.
     steps : `series.steps.Steps` of the record.
-    least_plateau_second : a shorter plateau does not count [s].
-    least_reference_second : how long the rest must last at the first temperature after
-        `skip_second` [s].
-    settled_kelvin_per_hour : the cell has reached a temperature when it moves slower [K/h].
-    skip_second : what of a rest's beginning takes no part in the extrapolation [s].
 
-    Returns rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated
-    for the first temperature. Raises Refusal: no rest in which the temperature steps; each with its
-    reason.
+    Returns rows of stage `ocv_step`, one a plateau; reference_volt is extrapolated for the first
+    temperature. Raises Refusal: no temperature was recorded, or no rest in which it steps; each
+    with its reason.
 
     Source: thesis 3.3 and fig. 3.9.
     """
-    columns = [np.asarray(c, float) for c in (test_time_second, voltage_volt, temperature_celsius)]
+    columns = [np.asarray(series[name], float) for name in ("test_time_second", "voltage_volt")]
+    columns.append(cell_temperature(series))
     soc, rows, left_out = np.asarray(soc, float), [], []
     for first, last in joined_rests(steps):
         rest_rows = slice(first, last + 1)
         try:
-            shifts = _shifts_of_rest(
-                *(column[rest_rows] for column in columns),
-                settled=settled_kelvin_per_hour,
-                least=least_plateau_second,
-                skip=skip_second,
-                least_reference=least_reference_second,
-            )
+            shifts = _shifts_of_rest(*(column[rest_rows] for column in columns))
         except Refusal as refusal:
             left_out.append(f"rest from {columns[0][first] / 3600:.1f} h: {refusal}")
             continue
@@ -227,24 +202,23 @@ def cell_temperature(series):
     raise Refusal("no temperature was recorded: found neither the cell's nor the chamber's")
 
 
-def _kept(time, plateaus, skip, least_reference):
-    """First row of the first plateau after `skip` [s]; refuses a rest without a usable one."""
+def _kept(time, plateaus):
+    """First row of the first plateau after `SKIP_SECOND`; refuses a rest without a usable one."""
     if all(abs(p.celsius - plateaus[0].celsius) <= PLATEAU_KELVIN for p in plateaus):
         raise Refusal(f"{len(plateaus)} plateau(s) of temperature, none away from the first")
     first = plateaus[0]
-    kept = max(first.first, int(np.searchsorted(time, time[0] + skip)))
-    if time[first.last] - time[min(kept, len(time) - 1)] < least_reference:
+    kept = max(first.first, int(np.searchsorted(time, time[0] + SKIP_SECOND)))
+    if time[first.last] - time[min(kept, len(time) - 1)] < LEAST_REFERENCE_SECOND:
         held = (time[first.last] - time[first.first]) / 3600
-        raise Refusal(
-            f"{held:.1f} h at the first temperature; wanted {(skip + least_reference) / 3600:.1f} h"
-        )
+        wanted = (SKIP_SECOND + LEAST_REFERENCE_SECOND) / 3600
+        raise Refusal(f"{held:.1f} h at the first temperature; wanted {wanted:.1f} h")
     return kept
 
 
-def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_reference):
+def _shifts_of_rest(time, voltage, celsius):
     """Rows of one rest, one a plateau."""
-    plateaus = plateaus_of(time, celsius, settled_kelvin_per_hour=settled, least_second=least)
-    kept = _kept(time, plateaus, skip, least_reference)
+    plateaus = plateaus_of(time, celsius)
+    kept = _kept(time, plateaus)
     first = plateaus[0]
     first = first._replace(first=kept, celsius=float(celsius[kept : first.last + 1].mean()))
     at_reference = [abs(p.celsius - first.celsius) <= PLATEAU_KELVIN for p in plateaus]
@@ -252,7 +226,7 @@ def _shifts_of_rest(time, voltage, celsius, *, settled, least, skip, least_refer
     later = zip(plateaus[1:], at_reference[1:], strict=True)
     used += [(p.first, p.last) for p, same in later if same]
     # Of hours at the first temperature only the end is a plateau of voltage as well.
-    end = int(np.searchsorted(time, time[first.last] - least_reference))
+    end = int(np.searchsorted(time, time[first.last] - LEAST_REFERENCE_SECOND))
     plateaus[0] = first._replace(first=end, celsius=float(celsius[end : first.last + 1].mean()))
     means = np.array([[p.celsius, voltage[p.first : p.last + 1].mean()] for p in plateaus])
     # The last tenths of a kelvin that a plateau lacks are taken off by the rest's own mean slope.
