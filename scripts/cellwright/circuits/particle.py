@@ -403,6 +403,31 @@ def _states(columns, parameters, derivatives):
     return states
 
 
+def kernel_arrays(particle):
+    """A particle as a step of it in C reads it, see native/particle.c.
+
+    Parameters
+    ----------
+    particle : Particle.
+
+    Returns
+    -------
+    arrays : dict, name → array of float: `sizes` (shells, lags, knots of each course, points of the
+        OCV, columns of derivatives: none), `sphere`, `knots`, `vector`, `ocv_volt`.
+    """
+    courses = NEAR_EMPTY, OHMIC, RELAXING, OPEN, ENTROPIC
+    volume, conductance, to_surface = _shells()
+    numbers = [to_surface, LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE]
+    sizes = [SHELLS, len(LAGS), *map(len, courses), len(particle.ocv_volt), 0]
+    return {
+        "sizes": np.array(sizes, float),
+        "sphere": np.concatenate([volume, conductance, numbers]),
+        "knots": np.concatenate(courses).astype(float),
+        "vector": particle.vector,
+        "ocv_volt": particle.ocv_volt,
+    }
+
+
 def compiled():
     """Whether the kernel can be built: by its twin a fit would take minutes for seconds."""
     return _kernel() is not None
