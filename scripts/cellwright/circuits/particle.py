@@ -364,10 +364,15 @@ def _derivatives(places, terms, states, weights, stretch, first_soc):
     return by
 
 
+def shell_faces():
+    """Radii of the shells' faces from the middle of a sphere of radius 1 to its surface."""
+    return 1.0 - (1.0 - np.arange(SHELLS + 1) / SHELLS) ** FINER_OUTSIDE
+
+
 def _shells():
     """Volume of each shell, what its outer face conducts, and the way from the last middle to the
     surface; of a sphere of radius and diffusivity 1."""
-    face = 1.0 - (1.0 - np.arange(SHELLS + 1) / SHELLS) ** FINER_OUTSIDE
+    face = shell_faces()
     middle = (face[1:] + face[:-1]) / 2
     conductance = np.append(face[1:-1] ** 2 / np.diff(middle), 0.0)
     return np.diff(face**3) / 3.0, conductance, 1.0 - middle[-1]
