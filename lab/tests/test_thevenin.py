@@ -1,4 +1,4 @@
-"""Our circuits against PyBaMM's Thevenin model; needs the laboratory's own environment."""
+"""Our circuits and particles against PyBaMM; needs the laboratory's own environment."""
 
 import json
 
@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("pybamm", reason="the virtual laboratory's environment is not installed")
 
 import pybamm
+from one_particle import a_particle, in_use
 from thevenin import load, thevenin
 
 from cellwright.circuits.cell import simulate
@@ -163,3 +164,42 @@ def test_what_pybamm_cannot_run_is_named(exported, member, reason):
         load(exported, member=member, celsius=25.0)
     with pytest.raises(ValueError, match="not at 10"):
         load(exported, celsius=10.0)
+
+
+def as_particle():
+    """The cell with a particle in use whose courses change over SoC and whose charge is scaled."""
+    cell = a_particle(
+        ocv_shift_volt=np.linspace(0.01, -0.01, 16),
+        ocv_volt_per_kelvin=np.linspace(-2e-4, 2e-4, 8),
+        diffusion_per_second=np.linspace(-9.0, -7.0, 10),
+        transfer_ohm=np.log(np.linspace(0.04, 0.01, 10)),
+        missing=[0.01, 0.02],
+        stretch=[0.03, 0.01],
+    )
+    return in_use(model_file(), cell)
+
+
+@pytest.mark.parametrize("celsius", [25.0, -7.0])
+def test_pybamm_runs_a_particle_to_our_voltage(tmp_path, drive, celsius):
+    """Two lengths of our steps tell where shorter ones lead; the first row is before any step."""
+    path, model = tmp_path / "particle.json", as_particle()
+    path.write_text(json.dumps(plain(pybamm_document(model))))
+    coarse, levels = (column[:201] for column in drive[:2])
+
+    def ours(member, many):
+        time = np.linspace(0, 200, 200 * many + 1)
+        current = np.interp(time, coarse, levels)
+        passed = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2 / many / 3600))
+        record = time, current, 0.8 + passed / CAPACITY, celsius
+        return simulate_model(model, member, *record).voltage_volt[many::many]
+
+    limit = 2 * ours("P", 40) - ours("P", 20)
+    particle, values = thevenin(load(path, celsius=celsius))
+    values["Initial SoC"] = 0.8
+    values["Current function [A]"] = pybamm.Interpolant(coarse, -levels, pybamm.t)
+    simulation = pybamm.Simulation(particle, parameter_values=values)
+    solution = simulation.solve(coarse, t_interp=coarse)
+    assert np.abs(solution["Voltage [V]"].entries[1:] - limit).max() < 1e-4
+    assert solution["SoC"].entries[-1] == pytest.approx(drive[2][200], abs=1e-6)
+    # What stands in the file is the particle, not the circuit beside it.
+    assert np.abs(ours("2RC", 1) - limit).max() > 0.02

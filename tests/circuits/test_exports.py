@@ -16,9 +16,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import truth
+from one_particle import in_use
 
 from cellwright.circuits.exports import lookup_table, pybamm_document, pybamm_parameters
 from cellwright.circuits.model_file import simulate_model
+from cellwright.identification.export import export_model
 from cellwright.refusal import Refusal
 from runtime import artefact
 
@@ -266,6 +268,36 @@ def test_who_stands_for_the_chosen_member_is_said_with_the_validation_error_of_b
     assert "PyBaMM's loader takes h: d is refused (validation error: h 4 mV, d 2 mV)" in log
 
 
+def test_a_particle_in_use_is_what_pybamm_gets_and_every_table_names_it():
+    errors = [{"model": "2RC", "rmse_volt": 0.012}, {"model": "P", "rmse_volt": 0.005}]
+    found = export_model(in_use(family()), validation=[row | {"samples": 9} for row in errors])
+    document = found.pybamm
+    assert (document["chosen"], document["exported"]) == ("P", "P")
+    held = {member["model"]: member for member in document["members"]}
+    assert held["P"]["validation_rmse_volt"] == pytest.approx(0.005)
+    (tables,) = held["P"]["tables"]
+    assert tables["numbers"]["transfer_scale"] == pytest.approx(2.0)
+    assert tables["courses"]["r0_ohm"]["value"] == pytest.approx([0.02] * 4)
+    assert (tables["shell_faces"][0], tables["shell_faces"][-1]) == (0.0, 1.0)
+    assert set(found.lookup["chosen"]) == {"P"}
+    assert set(found.lookup["model"]) == set(found.temperature["model"]) == {"2RC"}
+    assert found.lookup["chosen_validation_rmse_volt"][0] == pytest.approx(0.005)
+    text = "\n".join(found.notes)
+    both = "validation error: 2RC 12 mV, P 5 mV"
+    assert f"the look-up table holds 2RC: P is more than RC pairs ({both})" in text
+    assert f"the table over temperature holds 2RC: P is no circuit ({both})" in text
+    assert "PyBaMM discretises the sphere of P itself" in text
+    assert "P is refused" not in text
+
+
+def test_a_particle_that_is_not_in_use_is_there_but_not_taken():
+    model = in_use(family())
+    model["particle"]["in_use"] = False
+    document = export_model(model).pybamm
+    assert (document["chosen"], document["exported"]) == ("2RC", "2RC")
+    assert [member["model"] for member in document["members"]] == ["2RC", "P"]
+
+
 PAGE = (ROOT / "docs" / "exports.md").read_text(encoding="utf-8")
 (EXAMPLE,) = re.findall(r"^```python\n(import pybamm\n.*?)^```", PAGE, re.M | re.S)
 
@@ -278,6 +310,7 @@ class _Stand(SimpleNamespace):
 
     def __init__(self):
         super().__init__(Interpolant=lambda soc, values, at: np.interp(at, soc, values))
+        self.BaseModel = object
         self.sqrt, self.arcsinh, self.Simulation = np.sqrt, np.arcsinh, self.simulation
         self.equivalent_circuit = SimpleNamespace(Thevenin=self.thevenin)
 
@@ -293,10 +326,15 @@ class _Values(dict):
         super().update(new)
 
 
-@pytest.mark.parametrize("chosen", ["2RC", "d"])
+@pytest.mark.parametrize(
+    "chosen",
+    ["2RC", "d", pytest.param("P", marks=pytest.mark.skipif(not PYBAMM, reason="no PyBaMM here"))],
+)
 def test_the_example_of_the_page_runs_as_printed_on_what_is_exported(exported, monkeypatch, chosen):
     """By PyBaMM where it is installed, else by a stand-in that reads the same keys."""
-    path = Path(exported(family(("d", [DIFFUSION]), chosen=chosen))[0])
+    particle = chosen == "P"
+    model = family(("d", [DIFFUSION]), chosen="2RC" if particle else chosen)
+    path = Path(exported(in_use(model) if particle else model)[0])
     named = Path(re.search(r'load\("(.*?)"', EXAMPLE)[1])
     named.parent.mkdir(parents=True)
     named.write_bytes(path.read_bytes())
@@ -310,7 +348,7 @@ def test_the_example_of_the_page_runs_as_printed_on_what_is_exported(exported, m
         exec(compile(EXAMPLE, "docs/exports.md", "exec"), names)
     said = [str(one.message) for one in warned if "in place of" in str(one.message)]
     assert [one[:31] for one in said] == (
-        [] if chosen == "2RC" else ["2RC in place of d (not validate"]
+        ["2RC in place of d (not validate"] if chosen == "d" else []
     )
     values = names["values"]
     assert values["Cell capacity [A.h]"] == truth.CAPACITY_AMPERE_HOUR

@@ -81,9 +81,10 @@ def test_an_unseen_drive_is_scored_and_simulated_with_it(model):
     assert np.sqrt(np.mean(off**2)) == pytest.approx(scored["P"]["rmse_volt"], rel=0.2)
 
 
-def test_its_export_says_that_it_is_not_exported(model):
-    notes = " ".join(cw.export_model(model).notes)
-    assert "P is no circuit, and not exported" in notes
+def test_its_export_says_what_holds_it_and_what_does_not(model):
+    found = cw.export_model(model)
+    assert found.pybamm["exported"] == "P"
+    assert "the table over temperature holds 2RC: P is no circuit" in " ".join(found.notes)
 
 
 def test_a_particle_alone_is_refused():

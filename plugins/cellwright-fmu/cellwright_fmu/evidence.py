@@ -11,7 +11,7 @@ HEAD = """<!DOCTYPE html>
 <p>Current is positive on charge, and held over each communication step. Voltages are those at the
 present time and inputs. Outside SoC 0 to 1 nothing was measured: the OCV goes on as steeply as it
 ends, all else keeps its value, and a warning is logged. Beyond the temperatures named below
-resistances follow the model's laws, at most {beyond:g} K far.</p>
+resistances follow the model's laws{beyond}.</p>
 """
 CELL_HEAD = (
     "cell",
@@ -26,7 +26,7 @@ CELL_HEAD = (
 TEST_HEAD = ("group test", "role", "of", "root mean square errors")
 
 
-def page(title, entries, tests=None, why_not=None):
+def page(title, entries, tests=None, why_not=None, *, by_tables=True):
     """The page documentation/index.html.
 
     Parameters
@@ -34,12 +34,14 @@ def page(title, entries, tests=None, why_not=None):
     title : of the page. entries : cells of a pack document (`packs.artefact.cell_entry`).
     tests : group tests of a pack document, None of a single cell.
     why_not : why the pack is not validated, or None.
+    by_tables : whether its numbers stand in tables over temperature, which end somewhere.
 
     Returns
     -------
     page : bytes of HTML.
     """
-    parts = [HEAD.format(title=escape(title), beyond=BEYOND_KELVIN), "<h2>Cells</h2>\n"]
+    beyond = f", at most {BEYOND_KELVIN:g} K far" if by_tables else ""
+    parts = [HEAD.format(title=escape(title), beyond=beyond), "<h2>Cells</h2>\n"]
     parts.append(_table(CELL_HEAD, [_cell_row(entry) for entry in entries]))
     if tests is not None:
         parts.append("<h2>Pack</h2>\n")

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.circuits import particle
 from cellwright.circuits.model_file import capacity_of, member_of
 from cellwright.circuits.temperature import celsius_of
 from cellwright.packs.artefact import OF_CELL
@@ -27,6 +28,7 @@ from cellwright_fmu.description import (
     variables_of_pack,
 )
 from cellwright_fmu.evidence import BEYOND_KELVIN
+from cellwright_fmu.native import OF_PACKS, OF_PARTICLES, unit_code
 
 MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 32
@@ -92,15 +94,12 @@ def unit_temperatures(models):
     return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
 
 
-def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_second, documents):
+def unit_of(pack, *, alone, points, largest_step_second, documents):
     """The unit of a cell or of a pack, each cell as its chosen member.
 
     Parameters
     ----------
-    pack : PackModel.
-    sources : dict, name → bytes of the C sources and headers.
-    compiled : names of those that are compiled; the others are included by them.
-    binary : (platform, suffix, bytes) of the compiled sources, or None.
+    pack : PackModel; a cell alone may be chosen to be its particle.
     alone : whether the unit is of a single cell, with scalars instead of arrays.
     points : size of the SoC grid of its tables. largest_step_second : longest internal step [s].
     documents : dict, path within the archive → bytes, laid beside.
@@ -119,10 +118,16 @@ def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_seco
     start = [UNKNOWN_SOC if soc is None else float(soc) for soc in pack.initial_soc]
     if not all(0.0 <= soc <= 1.0 for soc in start):
         raise Refusal(f"SoC at the start is {start}, wanted 0 to 1")
-    celsius = unit_temperatures(pack.models)
-    cells = pack_cells(pack.models, temperature_celsius=celsius, points=points)
+    is_particle = alone and pack.models[0]["chosen"] == particle.NAME
+    if is_particle:
+        code, arrays = unit_code(OF_PARTICLES), arrays_of_particle(pack)
+        celsius = arrays["temperature_celsius"].tolist()
+    else:
+        celsius = unit_temperatures(pack.models)
+        cells = pack_cells(pack.models, temperature_celsius=celsius, points=points)
+        code, arrays = unit_code(OF_PACKS), arrays_of(pack, cells)
     ambient = _ambient(celsius)
-    tables = arrays_of(pack, cells) | {
+    tables = arrays | {
         "initial_soc": np.array(start, float),
         "settings": np.array([ambient, largest_step_second], float),
     }
@@ -132,18 +137,19 @@ def unit_of(pack, sources, compiled, binary, *, alone, points, largest_step_seco
         variables = variables_of_cell(initial_soc=start[0], cell_is_warm=warm, **about)
     else:
         variables = variables_of_pack(initial_soc=start, cells=pack.cells, **about)
-    files, token = _files(pack, variables, tables, sources, compiled, binary, alone)
-    notes = tuple(_notes(pack, celsius, binary))
+    files, token = _files(pack, variables, tables, code, alone)
+    binary, notes = code[-1], tuple(_notes(pack, celsius, code[-1], is_particle))
     identifier = identifier_of(pack.wiring.name)
     return Unit(files | documents, token, identifier, binary and binary[0], tuple(variables), notes)
 
 
-def _files(pack, variables, tables, sources, compiled, binary, alone):
+def _files(pack, variables, tables, code, alone):
     """Files of the unit, and its token: the hash of what it is described by and made of."""
+    sources, compiled, binary = code
     name, sentence, body = pack.wiring.name, _sentence(pack, alone), _body(tables)
     plain = model_description(name, "", variables, description=sentence)
-    code = [content for _, content in sorted(sources.items())]
-    token = hashlib.sha256(b"\0".join([plain, body, *code])).hexdigest()
+    parts = [plain, body, *(content for _, content in sorted(sources.items()))]
+    token = hashlib.sha256(b"\0".join(parts)).hexdigest()
     files = {
         "modelDescription.xml": model_description(name, token, variables, description=sentence),
         "resources/battery.bin": MAGIC + token.encode() + body,
@@ -192,6 +198,27 @@ def arrays_of(pack, cells):
     }
 
 
+def arrays_of_particle(pack):
+    """What the C code knows of a cell that is a particle, as native/particle_cell.c reads it.
+
+    Parameters
+    ----------
+    pack : PackModel of one cell.
+
+    Returns
+    -------
+    arrays : dict, name → array of float.
+    """
+    (model,) = pack.models
+    cell = particle.of_document(model["particle"])
+    return {
+        **particle.kernel_arrays(cell),
+        "temperature_celsius": cell.celsius,
+        "capacity_ampere_hour": np.array([model["capacity_ampere_hour"]]),
+        **_thermal(pack.thermal),
+    }
+
+
 def _thermal(constants):
     """Thermal constants of all cells; none where one cell has none."""
     if None in constants:
@@ -210,8 +237,11 @@ def _sentence(pack, alone):
     if alone:
         model = pack.models[0]
         size = capacity_of(model, member_of(model))
+        kind = "equivalent circuit"
+        if model["chosen"] == particle.NAME:
+            kind = "one particle with charge transfer,"
         return (
-            f"Lithium-ion cell {model['cell']}, {size:.4g} Ah, equivalent circuit "
+            f"Lithium-ion cell {model['cell']}, {size:.4g} Ah, {kind} "
             f"{model['chosen']}; current positive on charge"
         )
     return (
@@ -220,11 +250,16 @@ def _sentence(pack, alone):
     )
 
 
-def _notes(pack, celsius, binary):
+def _notes(pack, celsius, binary, is_particle):
     unknown = [c for c, soc in zip(pack.cells, pack.initial_soc, strict=True) if soc is None]
     if unknown:
         yield f"no start is stated of {', '.join(unknown)}: initial_soc is {UNKNOWN_SOC:g}, set it"
-    if celsius is None or len(celsius) == 1:
+    if is_particle:
+        yield (
+            "it runs as P, one particle; how its OCV lies on the SoC is that of the temperature at "
+            "the start"
+        )
+    elif celsius is None or len(celsius) == 1:
         yield "the model knows one temperature: that of the surroundings changes nothing"
     if binary is None:
         yield "no C compiler was found: the unit holds sources only"

@@ -4,13 +4,14 @@ from typing import NamedTuple
 
 from cellwright.api.packs import pack_model
 from cellwright.circuits import inputs as given
+from cellwright.circuits import particle
+from cellwright.circuits.model_file import in_use
 from cellwright.packs.artefact import CellInPack, PackModel, cell_entry
 from cellwright.packs.thermal import Thermal
 from cellwright.records import inputs
 from cellwright.records.checkups import repeat_std
 from cellwright.result import frame
 from cellwright_fmu.evidence import page
-from cellwright_fmu.native import COMPILED, unit_binary, unit_sources
 from cellwright_fmu.unit import archive, single, unit_of
 
 
@@ -43,7 +44,8 @@ def cell_fmu(
     points=4001,
     largest_step_second=1.0,
 ):
-    """A cell's chosen member as an FMI 3.0 unit for co-simulation.
+    """A cell as an FMI 3.0 unit for co-simulation: what `cw.simulate` runs, its particle where that
+    predicts better than the chosen circuit.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def cell_fmu(
     capacities, validation : rows of `capacity` and `validate` of its tests, with test and role:
         their errors stand in the unit's documentation.
     thermal : (heat capacity [J/K], resistance to the surroundings [K/W]) of the cell, or None.
-    points : size of the SoC grid of its tables.
+    points : size of the SoC grid of a circuit's tables.
     largest_step_second : longest internal step [s].
 
     Returns
@@ -69,14 +71,26 @@ def cell_fmu(
     heat = None if thermal is None else Thermal(*thermal)
     known = {"capacities": capacities, "validation": validation}
     cell = CellInPack(content, initial_soc, heat, **_known_errors(content, **known))
-    entry = cell_entry(content["cell"], cell)
-    shown = page(f"Cell {content['cell']}", [entry])
+    as_particle = in_use(content) == particle.NAME
+    entry = _particle_entry(cell) if as_particle else cell_entry(content["cell"], cell)
+    shown = page(f"Cell {content['cell']}", [entry], by_tables=not as_particle)
     pack = PackModel(single(content), (entry["model"],), (initial_soc,), (heat,), {})
     unit = _unit(pack, shown, points, largest_step_second, alone=True)
     if entry["instead_of"]:
         without = f"it runs as {entry['model']['chosen']} instead of {entry['instead_of']}"
         return unit._replace(notes=(*unit.notes, without))
     return unit
+
+
+def _particle_entry(cell):
+    """Entry of a CellInPack that runs as its particle, see `packs.artefact.cell_entry`."""
+    document = cell.model["particle"]
+    conditions = [{"ambient_temperature_celsius": celsius} for celsius in document["celsius"]]
+    member = {"model": particle.NAME, "conditions": conditions}
+    member["left_out_rmse_volt"] = document["left_out_rmse_volt"]
+    model = cell.model | {"chosen": particle.NAME, "members": [member]}
+    entry = cell_entry(model["cell"], cell._replace(model=model))
+    return entry | {"model": entry["model"] | {"particle": document}}
 
 
 def _known_errors(model, *, capacities, validation):
@@ -113,9 +127,6 @@ def pack_fmu(pack, *, points=201, largest_step_second=1.0):
 def _unit(pack, shown, points, largest_step_second, *, alone):
     unit = unit_of(
         pack,
-        unit_sources(),
-        COMPILED,
-        unit_binary(),
         alone=alone,
         points=points,
         largest_step_second=largest_step_second,

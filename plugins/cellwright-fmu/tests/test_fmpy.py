@@ -8,6 +8,7 @@ import shutil
 import numpy as np
 import pytest
 import truth
+from one_particle import CAPACITY, GRID, OCV, in_use
 from wirings import WIRINGS, parallel, series
 
 pytest.importorskip("fmpy", reason="the virtual laboratory's environment is not installed")
@@ -34,6 +35,7 @@ if shutil.which("cc") is None and shutil.which("gcc") is None:
 CURRENT, AMBIENT, START, LARGEST_STEP, VOLTAGE, SOC = 1, 2, 3, 4, 5, 6
 LEAST, MOST, CELSIUS, CELL_CURRENT, CELL_VOLTAGE, CELL_SOC, CELL_CELSIUS = 7, 8, 9, 10, 11, 12, 13
 SAME_VOLT = 1e-5  # of cw.simulate: the unit's tables of SoC have another grid
+SAME_PARTICLE_VOLT = 1e-9  # it has no tables of its own: the steps are the same
 SOLVED_VOLT, SOLVED_AMPERE = 1e-8, 1e-7  # Newton's tolerance of 1e-9 V a cell lets through
 
 
@@ -108,6 +110,21 @@ def unit():
     return cellwright_fmu.cell_fmu(truth.with_branch("kinetic"), initial_soc=0.6)
 
 
+def as_particle(**settings):
+    """A cell whose particle is in use, its capacity that of the particle."""
+    model = in_use(truth.stated()) | {"capacity_ampere_hour": CAPACITY}
+    return model, cellwright_fmu.cell_fmu(model, **settings)
+
+
+def begun(runner, celsius):
+    """A runner that starts at a temperature of the surroundings."""
+    runner.instance.instantiate(logMessage=runner.log)
+    runner.instance.setFloat64([AMBIENT], [celsius])
+    runner.instance.enterInitializationMode(startTime=0.0)
+    runner.instance.exitInitializationMode()
+    return runner
+
+
 def pack_of(wiring, *, kind="kinetic", start=0.6, **known):
     reference = truth.with_branch(kind)
     spread = np.linspace(-0.05, 0.05, len(cells_of(wiring)))
@@ -174,6 +191,47 @@ def test_parameters_follow_the_temperature_of_the_surroundings(celsius, tmp_path
     ours = cw.simulate(model, record, initial_soc=0.6, temperature_celsius=celsius).columns
     np.testing.assert_allclose(volt, ours["voltage_volt"][1::2], rtol=0, atol=SAME_VOLT)
     assert runner.read(CELSIUS)[0] == celsius
+
+
+@pytest.mark.parametrize("celsius", [-20.0, 11.3, 40.0])
+def test_a_particle_is_what_our_simulation_gives(celsius, tmp_path):
+    model, unit = as_particle(initial_soc=0.8)
+    seconds, currents = load(np.random.default_rng(10))
+    runner = begun(Runner(tmp_path, unit), celsius)
+    assert validate_fmu(str(runner.path)) == []
+    volt, soc = run_through(runner, seconds, currents, VOLTAGE, SOC, celsius=celsius).T
+    time, held = edges(seconds, currents)
+    record = {"test_time_second": time, "current_ampere": held}
+    ours = cw.simulate(model, record, initial_soc=0.8, temperature_celsius=celsius)
+    assert ours.member == "P"
+    expected = ours.columns["voltage_volt"][1::2]
+    np.testing.assert_allclose(volt, expected, rtol=0, atol=SAME_PARTICLE_VOLT)
+    np.testing.assert_allclose(soc, ours.columns["soc"][1::2], rtol=0, atol=1e-12)
+
+
+def test_a_particle_goes_on_from_a_kept_state_and_cuts_long_steps(tmp_path):
+    _, unit = as_particle(initial_soc=0.8)
+    runner, whole = (begun(Runner(tmp_path, unit, name), 5.0) for name in ("fine", "whole"))
+    run_through(runner, np.ones(40), np.full(40, -3.0), VOLTAGE)
+    kept = runner.instance.serializeFMUState(runner.instance.getFMUState())
+    run_through(whole, [40.0], [-3.0], VOLTAGE)
+    assert whole.read(VOLTAGE)[0] == pytest.approx(runner.read(VOLTAGE)[0], abs=1e-12)
+    other = begun(Runner(tmp_path, unit, "other"), 5.0)
+    other.instance.setFMUState(other.instance.deserializeFMUState(kept))
+    for one in (runner, other):
+        one.step(40.0, 1.0, 2.0)
+    assert other.read(VOLTAGE)[0] == runner.read(VOLTAGE)[0]
+
+
+def test_a_particle_warms_by_its_own_losses(tmp_path):
+    """A slow load of an hour: it ends as warm as its loss against the OCV of its charge has it."""
+    _, unit = as_particle(initial_soc=0.8, thermal=(10.0, 20.0))
+    runner = begun(Runner(tmp_path, unit), 25.0)
+    run_through(runner, np.full(60, 60.0), np.full(60, -1.0), VOLTAGE)
+    volt, soc, celsius = runner.read(VOLTAGE, SOC, CELSIUS)
+    loss = np.interp(soc, GRID, OCV) - volt
+    assert loss > 0.02
+    assert celsius - 25.0 == pytest.approx(20.0 * loss, rel=0.02)
 
 
 @pytest.mark.parametrize("shape", sorted(WIRINGS))
@@ -375,10 +433,11 @@ def test_another_token_or_no_tables_are_refused(unit, tmp_path):
     assert "cannot be opened" in runner.said[-1][2]
 
 
+@pytest.mark.parametrize("particle", [False, True])
 @pytest.mark.parametrize("seed", range(5))
-def test_tables_of_nonsense_are_refused_and_never_crash(seed, unit, tmp_path):
+def test_tables_of_nonsense_are_refused_and_never_crash(seed, particle, unit, tmp_path):
     """Sizes and places of the tables, each replaced by a random number, in turn."""
-    rng = np.random.default_rng(seed)
+    rng, unit = np.random.default_rng(seed), as_particle()[1] if particle else unit
     runner = Runner(tmp_path, unit)
     path = tmp_path / "one" / "resources" / "battery.bin"
     whole = bytearray(path.read_bytes())

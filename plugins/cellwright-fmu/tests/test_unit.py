@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import truth
+from one_particle import in_use
 from wirings import parallel
 
 import cellwright_fmu
@@ -115,9 +116,37 @@ def test_what_is_named_is_there(cell):
         assert any(name.startswith(f"binaries/{cell.platform}/cellwright_A") for name in files)
 
 
+@pytest.fixture(scope="module")
+def particle():
+    """A cell whose particle predicts better than its circuit, with a test of each."""
+    rows = [{"test": "us06", "role": "validation", "samples": 100, "max_abs_volt": 0.02}]
+    rows = [rows[0] | {"model": name, "rmse_volt": v} for name, v in (("2RC", 0.03), ("P", 0.007))]
+    return cellwright_fmu.cell_fmu(in_use(truth.stated()), initial_soc=0.7, validation=rows)
+
+
+def test_a_cell_whose_particle_is_in_use_runs_as_that_and_says_so(particle):
+    files = unpacked(particle)
+    assert "one particle with charge transfer, P" in description(particle).get("description")
+    assert "it runs as P, one particle" in particle.notes[0]
+    text = files["documentation/index.html"].decode()
+    assert "<td>P</td>" in text
+    assert "us06: 7, 20" in text
+    assert "<td>0, 25</td><td>not known</td><td>4</td>" in text
+    assert "40 K" not in text
+    assert "sources/particle.c" in files
+    assert "sources/pack.c" not in files
+
+
+def test_a_particle_that_is_not_in_use_leaves_the_unit_as_it_was(cell):
+    model = in_use(truth.stated())
+    model["particle"]["in_use"] = False
+    assert cellwright_fmu.cell_fmu(model, initial_soc=0.7, points=101).token == cell.token
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler on this machine")
-def test_the_sources_build_by_themselves_without_a_warning(cell, tmp_path):
-    files = unpacked(cell)
+@pytest.mark.parametrize("kind", ["cell", "particle"])
+def test_the_sources_build_by_themselves_without_a_warning(kind, request, tmp_path):
+    files = unpacked(request.getfixturevalue(kind))
     for name, content in files.items():
         (tmp_path / name.rpartition("/")[2]).write_bytes(content)
     build = ElementTree.fromstring(files["sources/buildDescription.xml"])

@@ -1,11 +1,13 @@
-"""A cell's model for other tools: tables for PyBaMM's Thevenin model, and a plain look-up table."""
+"""A cell's model for other tools: tables for PyBaMM, and a plain look-up table."""
 
 import numpy as np
 
+from cellwright.circuits import particle
 from cellwright.circuits.circuit import KINDS
 from cellwright.circuits.model_file import (
     capacity_of,
     circuit_at,
+    in_use,
     is_plain,
     member_of,
     open_circuit_volt,
@@ -17,6 +19,8 @@ from cellwright.circuits.temperature import (
     coldest_first,
     temperature_weights,
 )
+from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
+from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
 SCHEMA = "cellwright-pybamm/1"
@@ -69,6 +73,42 @@ def pybamm_parameters(model, member, temperature_celsius):
     }
 
 
+def particle_tables(model):
+    """A model's particle for PyBaMM: numbers, courses over SoC, faces of its shells.
+
+    Parameters
+    ----------
+    model : dict, a model file that has a particle.
+
+    Returns
+    -------
+    tables : dict of capacity_ampere_hour, identified_soc, soc and ocv_volt (lists), shell_faces
+        (radii, of 1 at the surface), celsius with missing and stretch (lists over temperature),
+        reference_celsius and bend_celsius of the Arrhenius laws, numbers (by name) and courses (by
+        name: soc and value). PARTS of circuits/particle.py tells names, units and what is linear in
+        the logarithm.
+    """
+    document = model["particle"]
+    cell, courses = particle.of_document(document), {}
+    for part in particle.PARTS:
+        if part.knots:
+            values = {"soc": list(part.knots), "value": document[part.name]}
+            courses[part.name] = values | {"logarithmic": part.logarithmic}
+    return {
+        "capacity_ampere_hour": model["capacity_ampere_hour"],
+        "identified_soc": document["fitted_soc"],
+        "soc": np.linspace(0.0, 1.0, len(cell.ocv_volt)),
+        "ocv_volt": cell.ocv_volt,
+        "shell_faces": particle.shell_faces(),
+        "celsius": cell.celsius,
+        **{name: document[name] for name in particle.SCALES},
+        "reference_celsius": REFERENCE_CELSIUS,
+        "bend_celsius": particle.COLD_KELVIN - ZERO_CELSIUS_KELVIN,
+        "numbers": {p.name: document[p.name][0] for p in particle.PARTS if not p.knots},
+        "courses": courses,
+    }
+
+
 def validation_errors(rows):
     """Error of each member over all tests that took no part in its fit [V], by its name.
 
@@ -87,16 +127,18 @@ def validation_errors(rows):
 def pybamm_document(model, errors=None):
     """PyBaMM tables of all members of a model at all temperatures, and why members are missing.
 
+    A particle is a member beside the circuits, of one set of tables for all temperatures.
+
     Parameters
     ----------
     model : dict, a model file. errors : of members, see `validation_errors`, or None.
 
     Returns
     -------
-    document : dict of schema, cell, chosen, exported (the chosen member, or which stands for it
-        where it is refused; None where all are), members (list of model, its validation_rmse_volt
-        [V] and its `tables`, one per temperature), refused (member → reason) and
-        refused_validation_rmse_volt.
+    document : dict of schema, cell, chosen (what predicts best), exported (the same, or which
+        stands for it where it is refused; None where all are), members (list of model, its
+        validation_rmse_volt [V] and its `tables`, one per temperature), refused (member → reason)
+        and refused_validation_rmse_volt.
     """
     members, refused, errors = [], {}, errors or {}
     for member in model["members"]:
@@ -108,9 +150,13 @@ def pybamm_document(model, errors=None):
         else:
             error = {"validation_rmse_volt": errors.get(name)}
             members.append({"model": name} | error | {"tables": tables})
-    able = [member["model"] for member in members]
-    about = {"schema": SCHEMA, "cell": model["cell"], "chosen": model["chosen"]}
-    about["exported"] = standing_in(model, able) if able else None
+    able, best = [member["model"] for member in members], in_use(model)
+    if model.get("particle"):
+        error = {"validation_rmse_volt": errors.get(particle.NAME)}
+        members.append({"model": particle.NAME} | error | {"tables": [particle_tables(model)]})
+    about = {"schema": SCHEMA, "cell": model["cell"], "chosen": best}
+    instead = standing_in(model, able) if able else None
+    about["exported"] = best if best == particle.NAME else instead
     left = {name: errors.get(name) for name in refused}
     return about | {
         "members": members,
@@ -132,8 +178,8 @@ def lookup_table(model, member, errors=None):
     -------
     columns : dict of model, ambient_temperature_celsius, soc, ocv_volt, r0_ohm, and of each pair
         r1_ohm, tau1_second, c1_farad, …; `extrapolated` where the SoC was not identified. The same
-        in each row: chosen, the member that the pipeline uses, and the validation errors of both
-        [V], NaN where no test tells them.
+        in each row: chosen, what predicts best, and the validation errors of both [V], NaN where no
+        test tells them.
 
     Raises
     ------
@@ -146,11 +192,11 @@ def lookup_table(model, member, errors=None):
     soc = _distinct_soc(np.concatenate([_knots(model, entry, celsius) for celsius in temperatures]))
     blocks = [_lookup_block(model, entry, soc, celsius) for celsius in temperatures]
     columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    rows, known = len(columns["soc"]), errors or {}
+    rows, known, best = len(columns["soc"]), errors or {}, in_use(model)
     return columns | {
-        "chosen": np.full(rows, model["chosen"]),
+        "chosen": np.full(rows, best),
         "validation_rmse_volt": np.full(rows, known.get(member, np.nan)),
-        "chosen_validation_rmse_volt": np.full(rows, known.get(model["chosen"], np.nan)),
+        "chosen_validation_rmse_volt": np.full(rows, known.get(best, np.nan)),
     }
 
 

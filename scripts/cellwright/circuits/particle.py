@@ -385,10 +385,15 @@ def _derivatives(places, terms, states, weights, stretch, first_soc):
     return by
 
 
+def shell_faces():
+    """Radii of the shells' faces from the middle of a sphere of radius 1 to its surface."""
+    return 1.0 - (1.0 - np.arange(SHELLS + 1) / SHELLS) ** FINER_OUTSIDE
+
+
 def _shells():
     """Volume of each shell, what its outer face conducts, and the way from the last middle to the
     surface; of a sphere of radius and diffusivity 1."""
-    face = 1.0 - (1.0 - np.arange(SHELLS + 1) / SHELLS) ** FINER_OUTSIDE
+    face = shell_faces()
     middle = (face[1:] + face[:-1]) / 2
     conductance = np.append(face[1:-1] ** 2 / np.diff(middle), 0.0)
     return np.diff(face**3) / 3.0, conductance, 1.0 - middle[-1]
@@ -422,6 +427,31 @@ def _states(columns, parameters, derivatives):
     columns = [np.ascontiguousarray(column, float) for column in columns]
     kernel(rows, *columns, *sphere, *courses, derivatives, *states)
     return states
+
+
+def kernel_arrays(particle):
+    """A particle as a step of it in C reads it, see native/particle.c.
+
+    Parameters
+    ----------
+    particle : Particle.
+
+    Returns
+    -------
+    arrays : dict, name → array of float: `sizes` (shells, lags, knots of each course, points of the
+        OCV, columns of derivatives: none), `sphere`, `knots`, `vector`, `ocv_volt`.
+    """
+    courses = NEAR_EMPTY, OHMIC, RELAXING, OPEN, ENTROPIC
+    volume, conductance, to_surface = _shells()
+    numbers = [to_surface, LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE]
+    sizes = [SHELLS, len(LAGS), *map(len, courses), len(particle.ocv_volt), 0]
+    return {
+        "sizes": np.array(sizes, float),
+        "sphere": np.concatenate([volume, conductance, numbers]),
+        "knots": np.concatenate(courses).astype(float),
+        "vector": particle.vector,
+        "ocv_volt": particle.ocv_volt,
+    }
 
 
 def compiled():

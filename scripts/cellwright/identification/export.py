@@ -1,22 +1,24 @@
-"""A cell's model for other tools, with the errors of the member that stands for the chosen one."""
+"""A cell's model for other tools, with the errors of the member that stands for the best one."""
 
 from cellwright.circuits import inputs as given
 from cellwright.circuits.exports import lookup_table, pybamm_document, validation_errors
 from cellwright.circuits.instrument import words_of
 from cellwright.circuits.model_file import in_use, plain_member
+from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.identification.compensation import temperature_table
+from cellwright.identification.messages import say
 from cellwright.records import inputs
 from cellwright.result import Result
 
 
 def export_model(model, *, validation=()):
-    """A model for other tools: as PyBaMM's Thevenin model, and as tables over SoC and temperature.
+    """A model for other tools: for PyBaMM, and as tables over SoC and temperature.
 
     validation : rows of `validate` of the cell's tests: errors of the member that is exported
-        stand beside those of the chosen one, where it is another.
+        stand beside those of what predicts best, where it is another.
 
-    Returns content: pybamm; lookup, temperature; notes say which member stands for the chosen one,
-    and both errors. Source: docs/exports.md.
+    Returns content: pybamm; lookup, temperature; notes say which member stands for what predicts
+    best, and both errors. Source: docs/exports.md.
     """
     model, errors = given.model(model), validation_errors(inputs.rows(validation))
     document, member = pybamm_document(model, errors), plain_member(model)
@@ -24,11 +26,13 @@ def export_model(model, *, validation=()):
     for entry in model["members"]:
         with_blocks = entry.get("companions", {"with": entry})["with"]
         notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]
-    if in_use(model) != model["chosen"]:
-        costs = _both_errors(errors, model["chosen"], in_use(model))
-        notes.append(f"{in_use(model)} is no circuit, and not exported ({costs})")
-    # Other tools know RC pairs only: what stands in for the chosen member must say what it costs.
-    chosen, taken = model["chosen"], document["exported"]
+    # Other tools know RC pairs only: what stands in for the best must say what it costs.
+    chosen, taken = in_use(model), document["exported"]
+    if chosen == PARTICLE:
+        notes.append(say("exports.particle", name=chosen))
+        costs = _both_errors(errors, model["chosen"], chosen)
+        fields = {"chosen": model["chosen"], "name": chosen, "costs": costs}
+        notes.append(say("exports.over_temperature", **fields))
     if taken not in (chosen, None):
         why = f"{chosen} is refused ({_both_errors(errors, taken, chosen)})"
         notes.append(f"PyBaMM's loader takes {taken}: {why}")

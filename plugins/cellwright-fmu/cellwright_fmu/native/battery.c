@@ -25,17 +25,6 @@ struct battery {
     char why[MESSAGE];
 };
 
-/* Numbers of a table; NULL, and why, where there are others than wanted. */
-static const double *of_size(const tables *t, const char *name, size_t wanted, char *why) {
-    size_t count;
-    const double *values = array_of(t, name, &count);
-    if (values && count == wanted) return values;
-    if (!*why)
-        snprintf(why, MESSAGE, "table %s has %lu numbers, wanted %lu", name,
-                 (unsigned long)count, (unsigned long)wanted);
-    return NULL;
-}
-
 static int64_t *as_whole(const double *from, size_t count, int64_t **at) {
     int64_t *begin = *at;
     for (size_t k = 0; k < count; k++) begin[k] = (int64_t)from[k];

@@ -25,6 +25,9 @@ typedef struct {
     double *cell_current_ampere, *cell_voltage_volt, *cell_soc, *cell_celsius;
 } reading;
 
+/* Numbers of a table; NULL, and why, where there are others than wanted. */
+const double *of_size(const tables *t, const char *name, size_t wanted, char *why);
+
 typedef struct battery battery;
 
 /* A battery of these tables; NULL, and why not, where they do not belong together. */

@@ -61,6 +61,16 @@ double *array_of(const tables *t, const char *name, size_t *count) {
     return NULL;
 }
 
+const double *of_size(const tables *t, const char *name, size_t wanted, char *why) {
+    size_t count;
+    const double *values = array_of(t, name, &count);
+    if (values && count == wanted) return values;
+    if (!*why)
+        snprintf(why, MESSAGE, "table %s has %lu numbers, wanted %lu", name,
+                 (unsigned long)count, (unsigned long)wanted);
+    return NULL;
+}
+
 static void free_tables(tables *t) {
     free(t->name);
     free(t->count);
