@@ -198,6 +198,9 @@ class Particle(pybamm.BaseModel):
         self.rhs[u] = (current - through) / self._at("double_layer", "_farad")
         self.initial_conditions[u] = 0.0
         volt = self._ocv(surface) + self._at("r0", "_ohm", surface) * current + u
+        volt += self._direction(current / (3600.0 * capacity)) * self._course(
+            "hysteresis_volt", surface
+        )
         for name in ("fast", "slow"):
             lag = pybamm.Variable(f"{name.capitalize()} lag of the current [A]")
             constant = numbers[f"{name}_second"] * np.exp(
@@ -214,6 +217,18 @@ class Particle(pybamm.BaseModel):
             "Overvoltage of charge transfer [V]": u,
             "Time [s]": pybamm.t,
         }
+
+    def _direction(self, soc_per_second):
+        """State of the hysteresis, -1 to 1: the mean of stops, which the charge moves to an end."""
+        stops = []
+        for width in self.tables["stop_widths"]:
+            stop = pybamm.Variable(f"Stop of a width of {width:.5f}")
+            move = soc_per_second / width
+            held = (stop >= 1.0) * (move > 0.0) + (stop <= -1.0) * (move < 0.0)
+            self.rhs[stop] = move * (1.0 - held)
+            self.initial_conditions[stop] = 0.0
+            stops.append(stop)
+        return sum(stops) / len(stops)
 
     def _warmth(self, celsius=None):
         celsius = self.tables["temperature_celsius"] if celsius is None else celsius

@@ -173,6 +173,7 @@ def as_particle():
         ocv_volt_per_kelvin=np.linspace(-2e-4, 2e-4, 8),
         diffusion_per_second=np.linspace(-9.0, -7.0, 10),
         transfer_ohm=np.log(np.linspace(0.04, 0.01, 10)),
+        hysteresis_volt=np.linspace(0.02, 0.005, 5),
         missing=[0.01, 0.02],
         stretch=[0.03, 0.01],
     )

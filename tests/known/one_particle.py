@@ -42,7 +42,8 @@ def a_particle(celsius=(0.0, 25.0), **changed):
 def in_use(model, cell=None):
     """A model file whose particle predicts better than its chosen member."""
     about = {"fitted_soc": [0.0, 1.0], "in_use": True, "left_out_rmse_volt": 0.004}
-    return model | {"particle": to_document(cell or a_particle()) | about}
+    cell = cell or a_particle(hysteresis_volt=np.linspace(0.02, 0.005, 5))
+    return model | {"particle": to_document(cell) | about}
 
 
 def a_record(rows=300, seed=1):

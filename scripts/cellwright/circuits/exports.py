@@ -19,6 +19,7 @@ from cellwright.circuits.temperature import (
     coldest_first,
     temperature_weights,
 )
+from cellwright.numerics.hysteresis import WIDTHS
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
@@ -84,8 +85,8 @@ def particle_tables(model):
     -------
     tables : dict of capacity_ampere_hour, identified_soc, soc and ocv_volt (lists), shell_faces
         (radii, of 1 at the surface), celsius with missing and stretch (lists over temperature),
-        reference_celsius and bend_celsius of the Arrhenius laws, numbers (by name) and courses (by
-        name: soc and value). PARTS of circuits/particle.py tells names, units and what is linear in
+        reference_celsius and bend_celsius of the Arrhenius laws, stop_widths of the hysteresis
+        (over the capacity), numbers (by name) and courses (by name: soc and value). PARTS of circuits/particle.py tells names, units and what is linear in
         the logarithm.
     """
     document = model["particle"]
@@ -104,6 +105,7 @@ def particle_tables(model):
         **{name: document[name] for name in particle.SCALES},
         "reference_celsius": REFERENCE_CELSIUS,
         "bend_celsius": particle.COLD_KELVIN - ZERO_CELSIUS_KELVIN,
+        "stop_widths": particle.TURN_SHARE * WIDTHS,
         "numbers": {p.name: document[p.name][0] for p in particle.PARTS if not p.knots},
         "courses": courses,
     }

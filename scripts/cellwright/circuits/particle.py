@@ -29,7 +29,7 @@ from cellwright.circuits.cell import ocv_and_slope
 from cellwright.circuits.temperature import table_soc, temperature_weights
 from cellwright.native import array, count, function, real
 from cellwright.numerics.clock import checked_columns
-from cellwright.numerics.hysteresis import preisach
+from cellwright.numerics.hysteresis import STOPS, WIDTHS, preisach
 from cellwright.numerics.lags import lag_weights
 from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
@@ -438,16 +438,17 @@ def kernel_arrays(particle):
 
     Returns
     -------
-    arrays : dict, name → array of float: `sizes` (shells, lags, knots of each course, points of the
-        OCV, columns of derivatives: none), `sphere`, `knots`, `vector`, `ocv_volt`.
+    arrays : dict, name → array of float: `sizes` (shells, lags, stops of the hysteresis, knots of
+        each course, points of the OCV, columns of derivatives: none), `sphere`, `knots`, `vector`,
+        `ocv_volt`.
     """
-    courses = NEAR_EMPTY, OHMIC, RELAXING, OPEN, ENTROPIC
+    courses = NEAR_EMPTY, OHMIC, RELAXING, OPEN, ENTROPIC, TURNING
     volume, conductance, to_surface = _shells()
     numbers = [to_surface, LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE]
-    sizes = [SHELLS, len(LAGS), *map(len, courses), len(particle.ocv_volt), 0]
+    sizes = [SHELLS, len(LAGS), STOPS, *map(len, courses), len(particle.ocv_volt), 0]
     return {
         "sizes": np.array(sizes, float),
-        "sphere": np.concatenate([volume, conductance, numbers]),
+        "sphere": np.concatenate([volume, conductance, 1.0 / (WIDTHS * TURN_SHARE), numbers]),
         "knots": np.concatenate(courses).astype(float),
         "vector": particle.vector,
         "ocv_volt": particle.ocv_volt,

@@ -233,8 +233,10 @@ void particle(int64_t rows, const double *step, const double *current, const dou
 
 /* What a step needs to know of a particle; its numbers lie as circuits/particle.py lays them out. */
 typedef struct {
-    int64_t shells, lags, near_empty, ohmic, relaxing, open, entropic, points, columns;
+    int64_t shells, lags, stops, near_empty, ohmic, relaxing, open, entropic, turning, points;
+    int64_t columns;
     const double *volume, *conductance; /* (shells,) */
+    const double *per_turn;             /* (stops,): of a hysteresis, how far a charge moves each */
     double to_surface, longest, reference, bend_reference;
     const double *knots, *vector, *ocv;
 } particle_of;
@@ -249,15 +251,15 @@ INLINE double course_at(const double *values, const double *knots, int64_t count
     return values[m] * (1.0 - share) + values[m + 1] * share;
 }
 
-/* A particle of its sizes, sphere (volume and conductance of the shells, way to the surface, longest
- * step, reference of temperatures and of bends), knots, numbers and OCV. */
+/* A particle of its sizes, sphere (volume and conductance of the shells, moves of the stops, way to
+ * the surface, longest step, reference of temperatures and of bends), knots, numbers and OCV. */
 INLINE particle_of particle_from(const int64_t *sizes, const double *sphere, const double *knots,
                                  const double *vector, const double *ocv) {
     const int64_t shells = sizes[0];
-    const double *rest = sphere + 2 * shells;
+    const double *turns = sphere + 2 * shells, *rest = turns + sizes[2];
     return (particle_of){shells, sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
-                         sizes[7], sizes[8], sphere, sphere + shells, rest[0], rest[1], rest[2],
-                         rest[3], knots, vector, ocv};
+                         sizes[7], sizes[8], sizes[9], sizes[10], sphere, sphere + shells, turns,
+                         rest[0], rest[1], rest[2], rest[3], knots, vector, ocv};
 }
 
 /* Resistance of a lag or of what is ohmic: its course over SoC, energy and bend; slope of its ln. */
@@ -267,16 +269,21 @@ INLINE double ohm_at(const double *values, const double *knots, int64_t count, d
     return exp(ln_ohm + (values[count] * warmth + values[count + 1] * bent) / GAS_CONSTANT);
 }
 
-/* Open-circuit voltage of a particle at a SoC and temperature, and its slope. */
-static double particle_ocv(const particle_of *p, double soc, double celsius, double *slope) {
+/* Open-circuit voltage of a particle at a SoC, a temperature and a state of its hysteresis (-1 to 1),
+ * and its slope over the SoC. */
+static double particle_ocv(const particle_of *p, double soc, double celsius, double direction,
+                           double *slope) {
     const double *near = p->knots, *open_at = near + p->near_empty + p->ohmic + p->relaxing;
     const int64_t own = 2 * p->near_empty + 6 + p->ohmic + 2 + p->lags * (p->relaxing + 4);
     const double *shift = p->vector + own, warmer = celsius - (p->reference - ZERO_CELSIUS);
-    double volt, by_shift, by_kelvin;
+    const double *entropy = shift + p->open, *half_gap = entropy + p->entropic;
+    const double *entropic_at = open_at + p->open, *turning_at = entropic_at + p->entropic;
+    double volt, by_shift, by_kelvin, by_gap;
     ocv_and_slope(p->ocv, p->points, soc, &volt, slope);
     volt += course_at(shift, open_at, p->open, soc, &by_shift);
-    volt += warmer * course_at(shift + p->open, open_at + p->open, p->entropic, soc, &by_kelvin);
-    *slope += by_shift + warmer * by_kelvin;
+    volt += warmer * course_at(entropy, entropic_at, p->entropic, soc, &by_kelvin);
+    volt += direction * course_at(half_gap, turning_at, p->turning, soc, &by_gap);
+    *slope += by_shift + warmer * by_kelvin + direction * by_gap;
     return volt;
 }
 
@@ -287,8 +294,10 @@ static double particle_volt(const particle_of *p, double current, double celsius
     const double bent = warmth * warmth / p->bend_reference, surface = state[p->shells];
     const double *ohmic_at = p->knots + p->near_empty, *relaxing_at = ohmic_at + p->ohmic;
     const double *r0 = p->vector + 2 * p->near_empty + 6, *lag = r0 + p->ohmic + 2;
-    double slope, by_log, by_surface, ohms[MOST_LAGS];
-    double volt = particle_ocv(p, surface, celsius, &by_surface) + state[p->shells + 1];
+    const double *stops = state + p->shells + 2 + p->lags;
+    double slope, by_log, by_surface, ohms[MOST_LAGS], direction = 0.0;
+    for (int64_t i = 0; i < p->stops; i++) direction += stops[i] / (double)p->stops;
+    double volt = particle_ocv(p, surface, celsius, direction, &by_surface) + state[p->shells + 1];
     const double drop =
         current * ohm_at(r0, ohmic_at, p->ohmic, surface, warmth, bent, &slope);
     volt += drop;
@@ -365,11 +374,17 @@ static void particle_diffused(const particle_of *p, double second, double flow, 
 }
 
 /* A step as `particle` takes it. State: SoC of the shells and of the surface, overvoltage of charge
- * transfer [V], lags [A]; `by` has derivatives of each by any columns, carried along. The current
- * runs straight from first to now [A], the counted one is what flows into the sphere. */
-static void particle_moved(const particle_of *p, double flux, double whole, double first,
-                           double now, double counted, double celsius, double *state,
-                           double *by) {
+ * transfer [V], lags [A], stops of the hysteresis; `by` has derivatives of each but the stops by any
+ * columns, carried along. The current runs straight from first to now [A], the counted one is what
+ * flows into the sphere, by flux; coulomb: charge of the whole capacity [A s]. */
+static void particle_moved(const particle_of *p, double flux, double coulomb, double whole,
+                           double first, double now, double counted, double celsius,
+                           double *state, double *by) {
+    double *stops = state + p->shells + 2 + p->lags;
+    for (int64_t i = 0; i < p->stops; i++) {
+        stops[i] += p->per_turn[i] * counted * whole / coulomb;
+        stops[i] = fmin(fmax(stops[i], -1.0), 1.0);
+    }
     const double kelvin = celsius + ZERO_CELSIUS, warmth = 1.0 / kelvin - 1.0 / p->reference;
     const double bent = warmth * warmth / p->bend_reference;
     const int64_t n = p->columns, parts = whole > p->longest ? (int64_t)ceil(whole / p->longest) : 1;
@@ -412,7 +427,7 @@ void particle_step(const int64_t *sizes, const double *sphere, const double *kno
                    const double *vector, const double *ocv, const double *step, double *state,
                    double *by, double *volt) {
     const particle_of p = particle_from(sizes, sphere, knots, vector, ocv);
-    if (step[1] > 0.0)
-        particle_moved(&p, step[0], step[1], step[2], step[3], step[4], step[5], state, by);
-    volt[0] = particle_volt(&p, step[3], step[5], state, by, volt + 1);
+    if (step[2] > 0.0)
+        particle_moved(&p, step[0], step[1], step[2], step[3], step[4], step[5], step[6], state, by);
+    volt[0] = particle_volt(&p, step[4], step[6], state, by, volt + 1);
 }

@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { SIZES = 9, OF_SPHERE = 4, AFTER = 3 };
+enum { SIZES = 11, FIRST = 3, COURSES = 6, OF_SPHERE = 4, AFTER = 3 };
 
 struct battery {
     particle_of particle;
@@ -25,19 +25,21 @@ static int take(battery *b, const tables *t, char *why) {
     for (int k = 0; k < SIZES; k++) {
         if (!(sizes[k] >= 0.0 && sizes[k] < 1e4)) return 0;
         b->sizes[k] = (int64_t)sizes[k];
-        if (k > 1 && k < 7 && b->sizes[k] < 2) return 0; /* a course has two knots at least */
-        knots += k > 1 && k < 7 ? (size_t)b->sizes[k] : 0;
+        if (k < FIRST || k >= FIRST + COURSES) continue;
+        if (b->sizes[k] < 2) return 0; /* a course has two knots at least */
+        knots += (size_t)b->sizes[k];
     }
-    const int64_t *z = b->sizes, *course = z + 2, lags = z[1];
-    if (z[0] < 2 || z[0] > MOST_SHELLS || lags > MOST_LAGS || z[7] < 2 || z[8]) return 0;
+    const int64_t *z = b->sizes, *course = z + FIRST, lags = z[1], points = course[COURSES];
+    if (z[0] < 2 || z[0] > MOST_SHELLS || lags > MOST_LAGS || points < 2 || z[SIZES - 1]) return 0;
     array_of(t, "temperature_celsius", &b->temperatures);
     if (!b->temperatures) return 0;
     const int64_t numbers = 2 * course[0] + 6 + course[1] + 2 + lags * (course[2] + 4)
-                            + course[3] + course[4] + 2 * (int64_t)b->temperatures;
-    const double *sphere = of_size(t, "sphere", 2 * (size_t)z[0] + OF_SPHERE, why);
+                            + course[3] + course[4] + course[5] + 2 * (int64_t)b->temperatures;
+    const size_t ahead = 2 * (size_t)z[0] + (size_t)z[2];
+    const double *sphere = of_size(t, "sphere", ahead + OF_SPHERE, why);
     const double *at = of_size(t, "knots", knots, why);
     const double *vector = of_size(t, "vector", (size_t)numbers, why);
-    const double *ocv = of_size(t, "ocv_volt", (size_t)z[7], why);
+    const double *ocv = of_size(t, "ocv_volt", (size_t)points, why);
     const double *size = of_size(t, "capacity_ampere_hour", 1, why);
     b->celsius = of_size(t, "temperature_celsius", b->temperatures, why);
     if (*why) return 0;
@@ -45,7 +47,7 @@ static int take(battery *b, const tables *t, char *why) {
         b->heat_capacity = of_size(t, "heat_capacity_joule_per_kelvin", 1, why);
         b->heat_resistance = of_size(t, "resistance_kelvin_per_watt", 1, why);
     }
-    if (*why || !(sphere[2 * z[0] + 1] >= 1.0)) return 0; /* its longest step */
+    if (*why || !(sphere[ahead + 1] >= 1.0)) return 0; /* its longest step */
     b->particle = particle_from(b->sizes, sphere, at, vector, ocv);
     b->missing = vector + numbers - 2 * (int64_t)b->temperatures;
     b->stretch = b->missing + b->temperatures;
@@ -71,7 +73,7 @@ size_t battery_cells(const battery *b) {
 
 /* The state: that of the particle, the counted SoC, the stretch of its scale, the temperature. */
 static size_t states_of(const battery *b) {
-    return (size_t)(b->particle.shells + 2 + b->particle.lags);
+    return (size_t)(b->particle.shells + 2 + b->particle.lags + b->particle.stops);
 }
 
 size_t battery_states(const battery *b) { return states_of(b) + AFTER; }
@@ -106,7 +108,7 @@ static double half_heat(const battery *b, double ampere, double volt, const doub
     double mean = 0.0, slope;
     for (int64_t i = 0; i < b->particle.shells; i++) mean += 3.0 * b->particle.volume[i] * state[i];
     const double celsius = state[states_of(b) + 2];
-    return 0.5 * ampere * (volt - particle_ocv(&b->particle, mean, celsius, &slope));
+    return 0.5 * ampere * (volt - particle_ocv(&b->particle, mean, celsius, 0.0, &slope));
 }
 
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
@@ -117,7 +119,8 @@ const char *battery_step(battery *b, double second, double ampere, double ambien
     if (second > 0.0) {
         const double flux = (1.0 + after[1]) / (3.0 * b->coulomb);
         heat = half_heat(b, ampere, volt, state);
-        particle_moved(&b->particle, flux, second, ampere, ampere, ampere, after[2], state, NULL);
+        particle_moved(&b->particle, flux, b->coulomb, second, ampere, ampere, ampere, after[2],
+                       state, NULL);
         after[0] += ampere * second / b->coulomb;
         volt = particle_volt(&b->particle, ampere, after[2], state, NULL, NULL);
     }
