@@ -12,7 +12,7 @@ def effect(**changes):
     sizes = [Parameter(n, "V", 0.0, -10.0, 10.0, step=0.1, plausible=0.5) for n in ("one", "two")]
     shape = Parameter("width", "s", 5.0, 1.0, 9.0, step=1.0, shape=True)
     form = Parameter("form", "1", 0.0, 0.0, 1.0, step=0.0, shape=True)
-    made = Effect("made_up", "", (*sizes, shape, form), "reading", lambda fields, stack, p: fields)
+    made = Effect("made_up", (*sizes, shape, form), "reading", lambda fields, stack, p: fields)
     return made._replace(**changes)
 
 

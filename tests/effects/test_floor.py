@@ -6,7 +6,7 @@ from small_plant import CELL, HEALTHY, NOISE_VOLT, case
 
 from cellwright.effects import base
 from cellwright.effects.floor import excess_volt, floor_of
-from cellwright.effects.state import State
+from cellwright.effects.state import State, state_of
 from cellwright.numerics.least_squares import fit
 
 
@@ -21,7 +21,7 @@ DRAWS = 40
 def fitted(made):
     """(free parameters, State) of the plain model of a case."""
     free, values, filters = made.begun()
-    return free, made.state((), fit(made.problem((), free, filters), values), filters), filters
+    return free, state_of(made, (), fit(made.problem((), free, filters), values), filters), filters
 
 
 def drawn(made, values, free, random):

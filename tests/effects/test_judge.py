@@ -18,6 +18,7 @@ from cellwright.effects.judge import (
 )
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.records import parts_of, stacked
+from cellwright.effects.state import state_of
 from cellwright.effects.stated.nuisances import declared_values_at_limit
 from cellwright.numerics.least_squares import Solution, fit
 from cellwright.numerics.noise import FIRST, whitening
@@ -192,7 +193,7 @@ def test_records_fitted_begin_where_their_rest_says_whatever_follows():
 
 def fitted(made):
     free, values, filters = made.begun()
-    return made.state((), fit(made.problem((), free, filters), values), filters)
+    return state_of(made, (), fit(made.problem((), free, filters), values), filters)
 
 
 def test_what_a_model_takes_beyond_its_tolerance_is_told_and_of_a_healthy_cell_there_is_none():
@@ -296,7 +297,7 @@ def warmed(made, kelvin=0.0, record=1):
     neutral = dict(zip(effect.names, (p.neutral for p in effect.parameters), strict=True))
     problem = warm.problem((effect,), free, filters)
     solution = fit(problem, values | neutral, steps=60, settled=1e-6)
-    return warm, warm.state((effect,), solution, filters), filters
+    return warm, state_of(warm, (effect,), solution, filters), filters
 
 
 def test_a_temperature_that_was_only_stated_leaves_an_energy_as_unsure_as_a_refit_shows():

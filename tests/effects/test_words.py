@@ -1,8 +1,12 @@
 """The verdict in words: what a reader needs to act, and no more certainty than there is."""
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
-from cellwright.effects.library import LIBRARY
+from cellwright.effects import library
+from cellwright.effects.library import LIBRARY, known_effects
 from cellwright.effects.story.places import largest_before, worsened
 from cellwright.effects.story.words import (
     KNOWN,
@@ -48,6 +52,16 @@ def verdict(word, **changes):
 
 def said(word, **changes):
     return paragraph(verdict(word, **changes), LIBRARY)
+
+
+def test_the_words_of_the_library_are_of_its_effects_and_say_what_each_is_and_what_shows_it():
+    table = Path(library.__file__).with_name("messages.toml").read_text(encoding="utf-8")
+    effects = known_effects()
+    assert set().union(*tomllib.loads(table).values()) <= {effect.id for effect in effects}
+    assert all(effect.sentence and effect.short and effect.shows for effect in effects)
+    # What the vocabulary has no name for changes nothing that a user could act on.
+    silent = {effect.id for effect in effects if not effect.consequence}
+    assert silent == library.outside.OUTSIDE.keys()
 
 
 @pytest.mark.parametrize("effect", sorted(LIBRARY))

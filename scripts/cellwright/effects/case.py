@@ -16,14 +16,12 @@ from cellwright.effects.judge import (
     started,
     unfitted,
     unsure_of,
-    unsure_of_temperature,
 )
 from cellwright.effects.records import lacking
 from cellwright.effects.score import blocks_of
-from cellwright.effects.state import State
+from cellwright.effects.state import Filters
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import SETTLED, Problem, stds
-from cellwright.numerics.statistics import rms
 from cellwright.protocols.ocv.gap import SlowGap, shows_hysteresis
 from cellwright.settings import MissingEffect
 
@@ -64,28 +62,6 @@ class Gates(NamedTuple):
 
 STEADY_C_RATE = 0.02
 MOST_WHITE = 1.5  # times the scatter of neighbouring rows
-
-
-class Filters(NamedTuple):
-    """Whitening of both stacks by one noise, and which of their rows an rms error counts.
-
-    noise : noise.Noise. extra_volt : two of (n,), error of each row beyond it: on a steep OCV, or
-    not compared [V]. Rows on a steep end of the OCV, where a
-    little charge is many millivolts, do not count.
-    blocks : score.Blocks, by the SoC as it is counted before the search.
-    """
-
-    noise: noise.Noise
-    extra_volt: tuple
-    fit: noise.Whitening
-    validation: noise.Whitening
-    fit_rows: np.ndarray
-    validation_rows: np.ndarray
-    blocks: object
-
-    def rows_on(self, side):
-        """Rows of a side that an rms error counts (n,) bool."""
-        return self.fit_rows if side == "fit" else self.validation_rows
 
 
 class Case(NamedTuple):
@@ -148,13 +124,13 @@ class Case(NamedTuple):
             absent = dict.fromkeys(base.base_names(len(stack.first)), 0.0)
             fields = base.fields_of(self.cell, stack, absent | base.stated_starts(stack))
             sides.append((stack.file, fields.soc, stack.used))
-        pairs = list(zip(stacks, extra, strict=True))
+        pairs = zip(stacks, extra, strict=True)
         return Filters(
             spread,
-            extra,
             *(noise.whitening(spread, stack, extra_volt=volt) for stack, volt in pairs),
             *(volt <= self.gates.steep_volt for volt in extra),
             blocks_of(*sides),
+            extra,
         )
 
     def with_effect(self, free, effect):
@@ -220,26 +196,16 @@ class Case(NamedTuple):
         spread = spread._replace(white_volt=min(spread.white_volt, MOST_WHITE * read))
         return self._filters_beside(spread, filters.extra_volt)
 
-    def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge.
+    def measured(self, side):
+        """Measured rows of a side (n,) [V]."""
+        return self.stack(side).voltage_volt
 
-        Of these records only the first rest enters a parameter, their SoC at the start. What that
-        and a stated temperature leave unsure is taken out of their errors.
-        """
-        stack = self.validation
-        rests = rests_of(self.cell, self.fit, solution)
+    def started(self, effects, solution):
+        """Values of a fitted model with the SoC at the starts of the records that judge."""
+        stack, rests = self.validation, rests_of(self.cell, self.fit, solution)
         # The template's scale by the records fitted says nothing where it is hardly above noise.
         values = solution.values | {"known": 1.0}
-        values = started(self.cell, stack, values, effects, self.tolerance, self.shared, rests)
-        volt = self.predict("validation", values, effects)
-        unsure, error = self.unsure(values, effects, volt), stack.voltage_volt - volt
-        errors = unsure.errors_in(error, filters.validation)
-        kelvin = errors[:, -1] if unsure_of_temperature(stack, effects) else np.zeros(len(errors))
-        values = values | {f"kelvin[{k}]": float(one) for k, one in enumerate(kelvin)}
-        error = error - unsure.change_by(errors)
-        white = filters.validation.apply(error)
-        sizes = rms(solution.residual[filters.fit_rows]), rms(error[filters.validation_rows])
-        return State(effects, solution, values, error, white, *sizes)
+        return started(self.cell, stack, values, effects, self.tolerance, self.shared, rests)
 
     def floor(self, state, free, residual, filters):
         """Error that readings and stated tolerances leave, of the plain model: floor.Floor."""

@@ -159,13 +159,14 @@ class Unsure(NamedTuple):
 
     changes : (m, p) of the prediction for one unit of each in all records at once. stds : (f, p) of
     each in each record. file : (m,) number of the record of each row. alone : numbers of the
-    records of which no part was fitted.
+    records of which no part was fitted. of_temperature : the last of them is the temperature.
     """
 
     changes: np.ndarray
     stds: np.ndarray
     file: np.ndarray
     alone: frozenset
+    of_temperature: bool = False
 
     def errors_in(self, error, whitening):
         """Errors (f, p) of what is unsure that explain most of an error (m,), each within
@@ -218,18 +219,16 @@ def unsure_of(cell, stack, values, effects, tolerance, prediction, shared=()):
     if stack.template_volt.any():
         changes.append(stack.template_volt)
         unsure.append(np.full(len(starts), tolerance.known))
-    if unsure_of_temperature(stack, effects):
+    # An error of a stated temperature changes nothing of the plain model's prediction.
+    of_temperature = bool(effects) and bool(stack.stated.any())
+    if of_temperature:
         warmer = stack.celsius + KELVIN_STEP * stack.stated[stack.file]
         warmed = stack._replace(celsius=warmer, responses={}, courses={})
         changes.append((base.voltage(cell, warmed, values, effects) - prediction) / KELVIN_STEP)
         unsure.append(np.full(len(starts), tolerance.kelvin))
     alone = frozenset(range(len(starts))) - {k for k, _ in shared}
-    return Unsure(np.stack(changes, axis=1), np.stack(unsure, axis=1), stack.file, alone)
-
-
-def unsure_of_temperature(stack, effects):
-    """Whether an error of a stated temperature changes what a model predicts."""
-    return bool(effects) and stack.stated.any()
+    columns = np.stack(changes, axis=1), np.stack(unsure, axis=1)
+    return Unsure(*columns, stack.file, alone, of_temperature)
 
 
 def unsure_by_temperature(case, state, whitening):

@@ -25,7 +25,8 @@ Both have these methods and values:
 `in_volt(rows)` : rows of a prediction as voltages of the channels that errors are told of [V].
 `filters_for(residual, filters, first)` : whitening by the noise of a residual (`.noise`, `.fit`,
     `.validation`), and the blocks of the records (`.blocks`).
-`state(effects, solution, filters)` : a fit and its errors on both sides, `state.State`.
+`measured(side)` : the rows that it predicts, as measured.
+`started(effects, solution)` : values of a fit, with the starts of the records that judge.
 `floor(state, free, residual, filters)` : what no effect can explain, `floor.Floor`.
 `denied(state)`, `ties(effect, state, tied, denied, possible)` : by measurements outside the fit.
 `gates`, `settled` : limits, and the fall of the cost that ends a fit.
@@ -41,7 +42,7 @@ from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.moves import MANY, best_model, other_forms, rivals
 from cellwright.effects.score import difference
 from cellwright.effects.space import candidates_beside, space_of
-from cellwright.effects.state import State, Yardstick, most_telling, squares_of
+from cellwright.effects.state import State, Yardstick, most_telling, squares_of, state_of
 from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
 EXACT = 4  # models that are fitted exactly from one space
@@ -394,7 +395,7 @@ def _fit_model(found, effects, values, *, rows=None, roughly=False):
     delayed = any(effect.hold_imitates for effect in effects)
     settled = case.settled if delayed else max(settled, case.settled)
     solution = fit(problem, values, steps=STEPS, settled=settled)
-    state = case.state(effects, solution, yardstick.filters)
+    state = state_of(case, effects, solution, yardstick.filters)
     return Model(free, state, squares_of(state, yardstick.blocks))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.effects.score import densities, difference, left_out, mean_squares
 from cellwright.numerics.least_squares import inverse
+from cellwright.numerics.statistics import rms
 
 PRICE = 1.0  # nats an effect
 SIDES = ("fit", "validation")  # records that are fitted, and those that judge
@@ -43,6 +44,53 @@ class State(NamedTuple):
     def rmse_on(self, side):
         """Rms error on a side [V]."""
         return self.rmse_volt if side == "fit" else self.validation_rmse_volt
+
+
+class Filters(NamedTuple):
+    """Whitening of both stacks by one noise, and which of their rows an rms error counts.
+
+    noise : noise.Noise, of several channels a tuple of them. fit, validation : with `apply`.
+    fit_rows, validation_rows : (n,) bool, or a slice: rows that count; rows on a steep end of the
+    OCV, where a little charge is many millivolts, do not. blocks : score.Blocks of the rows of one
+    channel, by the SoC as it is counted before the search. extra_volt : two of (n,), error of each
+    row beyond the noise: on a steep OCV, or not compared [V].
+    """
+
+    noise: object
+    fit: object
+    validation: object
+    fit_rows: np.ndarray | slice
+    validation_rows: np.ndarray | slice
+    blocks: object
+    extra_volt: tuple = ()
+
+    def rows_on(self, side):
+        """Rows of a side that an rms error counts."""
+        return self.fit_rows if side == "fit" else self.validation_rows
+
+
+def state_of(case, effects, solution, filters):
+    """State of a fitted model: its errors on the records that judge.
+
+    Of these records only the first rest enters a parameter, their SoC at the start. What that and a
+    stated temperature leave unsure is taken out of their errors.
+
+    Parameters
+    ----------
+    case : of a cell or of a group, as in `search`. effects : of the model.
+    solution : least_squares.Solution of its fit. filters : Filters.
+    """
+    values = case.started(effects, solution)
+    volt = case.predict("validation", values, effects)
+    unsure, error = case.unsure(values, effects, volt), case.measured("validation") - volt
+    errors = unsure.errors_in(error, filters.validation)
+    kelvin = errors[:, -1] if unsure.of_temperature else np.zeros(len(errors))
+    values = values | {f"kelvin[{k}]": float(one) for k, one in enumerate(kelvin)}
+    error = error - unsure.change_by(errors)
+    white = filters.validation.apply(error)
+    ends = (solution.residual, filters.fit_rows), (error, filters.validation_rows)
+    sizes = (rms(case.in_volt(one)[:, rows]) for one, rows in ends)
+    return State(effects, solution, values, error, white, *sizes)
 
 
 class Yardstick(NamedTuple):

@@ -20,7 +20,7 @@ from cellwright.effects.judge import unfitted
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.thermal import WARMED, without_growth
 from cellwright.effects.records import lacking
-from cellwright.effects.state import SIDES
+from cellwright.effects.state import SIDES, state_of
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST, read_volt
 from cellwright.numerics.statistics import rms
@@ -450,4 +450,4 @@ def healthy_state(case, courses=None):
     fitted = (*fitted, *(parameter for effect in effects for parameter in frees_of(effect)))
     problem = case.problem(effects, free, filters)
     solution = fit(problem._replace(free=fitted, coupling=None), values)
-    return case.state(effects, solution, filters)
+    return state_of(case, effects, solution, filters)

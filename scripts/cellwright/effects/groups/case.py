@@ -21,10 +21,10 @@ from cellwright.effects.groups.model import (
 )
 from cellwright.effects.judge import READ_VOLT, Unsure, first_rest
 from cellwright.effects.score import blocks_of
-from cellwright.effects.state import State
+from cellwright.effects.state import Filters
 from cellwright.numerics import noise
 from cellwright.numerics.least_squares import Problem
-from cellwright.numerics.statistics import rms, robust_std
+from cellwright.numerics.statistics import robust_std
 from cellwright.records.conditions import low_current
 
 PASSES = 2
@@ -47,20 +47,6 @@ class Channels(NamedTuple):
         return np.concatenate([whitening.apply(part) for whitening, part in pairs])
 
 
-class GroupFilters(NamedTuple):
-    """Whitening of both stacks. noise : tuple of noise.Noise, one a channel. blocks : score.Blocks
-    of the rows of one channel, by the group's SoC as it is counted before the search."""
-
-    noise: tuple
-    fit: Channels
-    validation: Channels
-    blocks: object
-
-    def rows_on(self, side):
-        """All rows of a side count."""
-        return True
-
-
 class GroupCase(NamedTuple):
     """A group, its records fitted and those that judge, tolerances and gates.
 
@@ -81,6 +67,16 @@ class GroupCase(NamedTuple):
         """Whether all records have branch currents."""
         logged = (self.fit.branch_current_ampere, self.validation.branch_current_ampere)
         return all(currents is not None for currents in logged)
+
+    @property
+    def rating(self):
+        """Sum of the capacities of its cells [Ah]."""
+        return sum(cell.capacity_ampere_hour for cell in self.cells)
+
+    @property
+    def ohms(self):
+        """Ohmic resistance of each cell before the search (b,) [ohm]."""
+        return np.array([cell.r_ohm[0] for cell in self.cells])
 
     def possible(self, library):
         """Every effect in every branch; of the branch sensors only where there are any."""
@@ -109,7 +105,7 @@ class GroupCase(NamedTuple):
         """The fit of a healthy group and some effects to the records of role fit."""
         return Problem(
             lambda values: self.predict("fit", values, effects),
-            rows_of(self, self.fit),
+            self.measured("fit"),
             filters.fit.apply,
             free,
             group_coupling(free, self.cells, self.spread, self.shared),
@@ -119,12 +115,35 @@ class GroupCase(NamedTuple):
         """Records of a side, "fit" or "validation"."""
         return self.fit if side == "fit" else self.validation
 
+    def measured(self, side):
+        """Measured rows of all channels of a side (m,): voltage [V], then branch currents [A]."""
+        return self._channels(self.stack(side).voltage_volt, self.stack(side).branch_current_ampere)
+
+    def run(self, side, values, effects):
+        """GroupRun of the records of a side by the model."""
+        stack = self.stack(side)
+        return group_run(group_fields(self.cells, stack.soc_at_start, values, effects), stack)
+
     def predict(self, side, values, effects):
-        """Rows of `rows_of` of a side by the model (m,) [V, A]."""
-        run = run_of(self, self.stack(side), values, effects)
-        if not self.sensors:
-            return run.voltage
-        return np.concatenate([run.voltage, run.current.T.ravel()])
+        """Rows of `measured` of a side by the model (m,) [V, A]."""
+        return self._channels(*self.run(side, values, effects)[:2])
+
+    def _channels(self, volt, ampere):
+        return np.concatenate([volt, ampere.T.ravel()]) if self.sensors else volt
+
+    def started(self, effects, solution):
+        """Values with the shift of the group's SoC at the start of each record that judges [1]."""
+        stack, stated = self.validation, self.validation.soc_at_start
+        loaded = ~low_current(stack.current_ampere, self.rating)
+        values = solution.values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
+        for _ in range(PASSES):
+            error = stack.voltage_volt - self.run("validation", values, effects).voltage
+            shifts = {}
+            for k in range(len(stack.first)):
+                rest = first_rest(stack, k, loaded)
+                shifts[f"soc0[{k}]"] = _shift(self, stated[k], values[f"soc0[{k}]"], error[rest])
+            values = values | shifts
+        return values
 
     def unsure(self, values, effects, prediction):
         """What is unsure of the records that judge, the group's SoC at their starts: Unsure."""
@@ -137,33 +156,23 @@ class GroupCase(NamedTuple):
         return Unsure(change[:, None], stds, file, frozenset(range(len(starts))))
 
     def in_volt(self, rows):
-        """Rows of `rows_of` by whose size errors are told, as voltages of channels (c, n) [V].
+        """Rows of `measured` by whose size errors are told, as voltages of channels (c, n) [V].
 
         The branch currents times their cells' ohmic resistance; the voltage, where none were
         logged.
         """
         if not self.sensors:
             return rows[None]
-        return rows.reshape(1 + len(self.cells), -1)[1:] * ohms(self)[:, None]
+        return rows.reshape(1 + len(self.cells), -1)[1:] * self.ohms[:, None]
 
     def filters_for(self, residual, filters, first):
         """Filters by the noise of a residual; with more effects the noise does not grow."""
         return _filters(self, noises_of(self, residual, None if first else filters.noise))
 
-    def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge, starts profiled out."""
-        values = _started(self, solution.values, effects)
-        volts = self.predict("validation", values, effects)
-        unsure, error = self.unsure(values, effects, volts), rows_of(self, self.validation) - volts
-        error = error - unsure.change_by(unsure.errors_in(error, filters.validation))
-        white = filters.validation.apply(error)
-        sizes = (rms(self.in_volt(one)) for one in (solution.residual, error))
-        return State(effects, solution, values, error, white, *sizes)
-
     def floor(self, state, free, residual, filters):
         """Error that readings and the spread of healthy cells leave: floor.Floor."""
         reads = [channel.white_volt for channel in filters.noise]
-        read_volt = reads[1:] * ohms(self) if self.sensors else reads
+        read_volt = reads[1:] * self.ohms if self.sensors else reads
         return floor_of(self, state, free, True, read_volt)
 
     def denied(self, state):
@@ -177,33 +186,16 @@ class GroupCase(NamedTuple):
 
 def _filters(case, noises):
     whitened, sides = [], []
-    rating = sum(cell.capacity_ampere_hour for cell in case.cells)
     for stack in (case.fit, case.validation):
         whitened.append(Channels(tuple(noise.whitening(channel, stack) for channel in noises)))
         # SoC of the group by counting its total current from the stated starts.
         before = np.append(0.0, stack.current_ampere[:-1]) * (1.0 - stack.fresh)
-        moved = np.cumsum(before * stack.step_second / 3600.0 / rating)
+        moved = np.cumsum(before * stack.step_second / 3600.0 / case.rating)
         starts = np.mean(stack.soc_at_start, axis=1)
         soc = (starts - moved[stack.first])[stack.file] + moved
         sides.append((stack.file, soc, np.ones(len(stack.file), bool)))
-    return GroupFilters(tuple(noises), *whitened, blocks_of(*sides, channels=len(noises)))
-
-
-def rows_of(case, stack):
-    """Measured rows of all channels (m,): voltage [V], then branch currents [A]."""
-    if not case.sensors:
-        return stack.voltage_volt
-    return np.concatenate([stack.voltage_volt, stack.branch_current_ampere.T.ravel()])
-
-
-def run_of(case, stack, values, effects):
-    """GroupRun of records by the model."""
-    return group_run(group_fields(case.cells, stack.soc_at_start, values, effects), stack)
-
-
-def ohms(case):
-    """Ohmic resistance of each cell before the search (b,) [ohm]."""
-    return np.array([cell.r_ohm[0] for cell in case.cells])
+    every, blocks = slice(None), blocks_of(*sides, channels=len(noises))
+    return Filters(tuple(noises), *whitened, every, every, blocks)
 
 
 def noises_of(case, residual, earlier=None):
@@ -216,7 +208,7 @@ def noises_of(case, residual, earlier=None):
     """
     channels = np.split(residual, 1 + len(case.cells) if case.sensors else 1)
     shared = case.gates.shared_slow_volt
-    most = [shared, *(case.gates.most_slow_volt / ohms(case))]
+    most = [shared, *(case.gates.most_slow_volt / case.ohms)]
     if earlier is not None:
         most = [channel.slow_volt for channel in earlier]
     pairs = zip(channels, most, strict=False)
@@ -238,22 +230,6 @@ def _noise_of(residual, stack, most_slow):
 
     tried = [noise.Noise(white, slow, second) for second in SLOW_SECOND]
     return min(tried, key=minus_log_likelihood)
-
-
-def _started(case, values, effects):
-    """Values with the shift of the group's SoC at the start of each validation record [1]."""
-    stack, stated = case.validation, case.validation.soc_at_start
-    rating = sum(cell.capacity_ampere_hour for cell in case.cells)
-    loaded = ~low_current(stack.current_ampere, rating)
-    values = values | {f"soc0[{k}]": 0.0 for k in range(len(stack.first))}
-    for _ in range(PASSES):
-        error = stack.voltage_volt - run_of(case, stack, values, effects).voltage
-        shifts = {}
-        for k in range(len(stack.first)):
-            rest = first_rest(stack, k, loaded)
-            shifts[f"soc0[{k}]"] = _shift(case, stated[k], values[f"soc0[{k}]"], error[rest])
-        values = values | shifts
-    return values
 
 
 def _shift(case, stated, shift, error):

@@ -6,7 +6,7 @@ import numpy as np
 
 from cellwright.effects.finding import KEPT, ranking_of
 from cellwright.effects.groups.branch import branch_of, smooth_ocv
-from cellwright.effects.groups.case import GroupCase, rows_of, run_of
+from cellwright.effects.groups.case import GroupCase
 from cellwright.effects.groups.model import document
 from cellwright.effects.library.groups import GROUP_LIBRARY
 from cellwright.effects.records import group_stacked, parts_of, two_temperatures
@@ -113,9 +113,7 @@ def _series(case, *ends):
     capacity = np.array([cell.capacity_ampere_hour for cell in case.cells])
     for side in SIDES:
         stack = case.stack(side)
-        before, after = (
-            run_of(case, stack, state.values_on(side), state.effects) for state in ends
-        )
+        before, after = (case.run(side, state.values_on(side), state.effects) for state in ends)
         of_side = {
             "role": np.full(len(stack.file), side),
             "test": np.array(stack.tests)[stack.file],
@@ -276,7 +274,7 @@ def _without(case, state, names):
     for side in SIDES:
         absent = state.values_on(side) | dict.fromkeys(names, 0.0)
         without = case.predict(side, absent, state.effects)
-        errors[side] = rms(case.in_volt(rows_of(case, case.stack(side)) - without))
+        errors[side] = rms(case.in_volt(case.measured(side) - without))
     return errors
 
 
@@ -332,7 +330,7 @@ def _located(case, state):
         for b in range(len(squares))
     ]
     most, record, b, rows = max(places, key=lambda place: place[0])
-    soc = run_of(case, stack, state.values, state.effects).soc[rows]
+    soc = case.run("validation", state.values, state.effects).soc[rows]
     soc = soc[:, b] if case.sensors else soc.mean(axis=1)
     ampere = stack.current_ampere[rows]
     rest = at_rest_in_record(ampere)

@@ -1,7 +1,7 @@
 """Effect of the age of the cell, which grows from test to test."""
 
 from cellwright.effects.base import kept_response, slowed
-from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, worded
 
 LOSS, GROWTH = "capacity_loss_relative", "resistance_growth_relative"
 SAME_TEST_AGAIN = "one of the first tests once more, at its temperature, after the last one"
@@ -44,10 +44,9 @@ def _loss_and_growth(effect, p, values):
     ]
 
 
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="ageing_between_tests",
-        sentence="the cell aged between its tests: it lost capacity and its resistances grew",
         parameters=(
             Parameter(*(LOSS, "1", 0.0, -0.1, 0.5), step=2e-3, plausible=0.03),
             # A cell whose resistances doubled between tests of one check-up was misused, not aged.
@@ -60,9 +59,6 @@ EFFECTS = (
         shows=SAME_TEST_AGAIN,
         ties=(Tie("capacity_temperature", SAME_TEST_AGAIN, one_order=True),),
         quantity="capacity_over_days",
-        short="ageing between the tests",
         sizes_in_words=_loss_and_growth,
-        consequence="the tests do not see one cell: early ones tell too much capacity, late ones "
-        "too much resistance",
     ),
 )

@@ -5,7 +5,7 @@ import numpy as np
 from cellwright.circuits.instrument import leak_at, stored
 from cellwright.effects.library.quantities import fields_with
 from cellwright.effects.library.sizes import DAY_HOUR, THIRDS, as_is, at_thirds
-from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of
+from cellwright.effects.library.vocabulary import SLOW_TEST, Effect, Parameter, numbers_of, worded
 
 # ASSUME: No lithium-ion cell loses a tenth of its charge: measured are less than 1 % a cycle (A.
 # Smith et al., J. Electrochem. Soc. 158 (2011) A1136).
@@ -54,10 +54,9 @@ def _leaks(effect, p, values):
     return [*sizes, (at_thirds()[-1], share, "% of SoC a day")]
 
 
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="coulombic_inefficiency",
-        sentence="part of the charge is lost in charging",
         parameters=(
             Parameter("lost_share_of_charge", "1", 0.0, 0.0, MOST_LOST, step=1e-3, plausible=0.01),
         ),
@@ -65,14 +64,10 @@ EFFECTS = (
         act=_inefficiency,
         blocks=numbers_of("counting", lost_share_of_charge="lost_share_of_charge"),
         needs=("both_directions",),
-        shows="four full cycles with constant-current constant-voltage charges",
-        short="charge lost in charging",
         sizes_in_words=as_is("lost_share_of_charge", "% of what is charged", factor=100),
-        consequence="counted charge drifts up with every charge",
     ),
     Effect(
         id="leakage",
-        sentence="the cell discharges itself by a current that is not measured",
         parameters=(
             Parameter("leak_ampere", "A", 0.0, 0.0, 0.5, step=1e-3, plausible=0.02),
             # Self-discharge of full and empty cells differs by a decade: two deviations.
@@ -85,26 +80,19 @@ EFFECTS = (
         blocks=numbers_of(
             "counting", leak_ampere="leak_ampere", log_leak_to_full="log_leak_to_full"
         ),
-        shows="a rest of 48 hours",
         in_rest_log=False,
         quantity="no_current_at_rest",
-        short="self-discharge",
         sizes_in_words=_leaks,
-        consequence="the state of charge falls at rest; a pack drifts out of balance",
     ),
     Effect(
         id="capacity_error",
-        sentence="the capacity is not what the capacity test said",
         parameters=(Parameter("relative", "1", 0.0, -0.4, 0.4, step=2e-3, plausible=0.02),),
         stage="counting",
         act=_capacity_error,
         blocks=_capacity_error_block,
         needs=("soc_range",),
-        shows="a capacity test of the day",
         quantity="capacity_change",
-        short="a capacity other than tested",
         sizes_in_words=_change_of_capacity,
         of_branch=True,
-        consequence="counted state of charge is wrong in proportion to the charge that passed",
     ),
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.effects.library.sizes import THIRDS, at_thirds, ocv
-from cellwright.effects.library.vocabulary import Effect, Parameter, since_slow_test
+from cellwright.effects.library.vocabulary import Effect, Parameter, since_slow_test, worded
 
 WAVES = 5
 EDGE_SOC = 0.08
@@ -31,32 +31,24 @@ def _volts(names, plausible):
 
 # Electrodes that have moved against each other (LLI, LAM) bend the OCV in broad waves; which of
 # the two electrodes it was, incremental capacity says, not these data.
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="ocv_shift",
-        sentence="the open-circuit voltage has moved, as by loss of lithium or active material",
         parameters=_volts([f"wave_{m}_volt" for m in range(1, WAVES + 1)], 0.01),
         stage="ocv",
         act=_shift,
         needs=("soc_range",),
-        shows="a slow discharge and charge (C/20) of this very cell",
         quantity="ocv_change",
-        short="a shifted OCV",
         sizes_in_words=ocv(THIRDS, at_thirds()),
         of_branch=True,
-        consequence="voltage at rest is looked up in a curve that is no longer the cell's",
     ),
     Effect(
         id="ocv_edge",
-        sentence="the open-circuit voltage differs near empty or near full",
         parameters=_volts(["empty_volt", "full_volt"], 0.02),
         stage="ocv",
         act=_edge,
         needs=("soc_range",),
-        shows="a slow discharge and charge (C/20) to both limits",
-        short="an OCV that differs near empty or full",
         sizes_in_words=ocv([0.0, 1.0], ("when empty", "when full")),
         of_branch=True,
-        consequence="the end of discharge or charge comes sooner or later than predicted",
     ),
 )

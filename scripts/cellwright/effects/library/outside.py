@@ -6,7 +6,7 @@ search's model, so that its error is in no size, and the verdict says what is le
 
 import numpy as np
 
-from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter, worded
 
 LEAST = 0.05  # of a resistance that drifts
 
@@ -16,18 +16,15 @@ def _drift(fields, stack, p):
     return fields._replace(r0=fields.r0 * np.maximum(1.0 + p["relative_per_hour"] * hours, LEAST))
 
 
-EFFECTS = (
+EFFECTS = worded(
     # A contact that warms or works loose, or a cell that is not yet at its temperature.
     Effect(
         id="resistance_drift",
-        sentence="the ohmic resistance drifts while a test runs",
         parameters=(
             Parameter("relative_per_hour", "1/h", 0.0, -1.0, 5.0, step=1e-2, plausible=0.1),
         ),
         stage="resistance",
         act=_drift,
-        short="a resistance that drifts while a test runs",
-        shows="the same pulses at the same state of charge, first and last in a test of hours",
     ),
 )
 OUTSIDE = {effect.id: effect for effect in EFFECTS}

@@ -6,7 +6,7 @@ from cellwright.circuits.circuit import KINDS
 from cellwright.effects.base import kept_response
 from cellwright.effects.library.quantities import fields_with
 from cellwright.effects.library.sizes import MINUTE_SECOND
-from cellwright.effects.library.vocabulary import Effect, Parameter
+from cellwright.effects.library.vocabulary import Effect, Parameter, worded
 from cellwright.numerics.hysteresis import preisach
 from cellwright.numerics.lags import lag_fresh
 
@@ -171,25 +171,20 @@ def _amplitude(largest_volt):
 
 # A third RC pair, Warburg elements and diffusion in particles are one class: the one that fits best
 # is taken. The first two no protocol of eleven tells apart (missing-effect study).
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="hysteresis_instant",
-        sentence="a voltage that changes its sign with the direction of the last load",
         parameters=(_amplitude(0.1),),
         stage="overpotential",
         act=_hysteresis_instant,
         circuit=_switch_branch,
         needs=("both_directions",),
-        shows="loads of both directions, each followed by a rest",
         slow_gap="hysteresis",
         quantity="half_gap",
-        short="instant hysteresis",
         sizes_in_words=_half_distance,
-        consequence="the voltage at rest tells the state of charge only with the last direction",
     ),
     Effect(
         id="hysteresis_one_state",
-        sentence="hysteresis: a voltage that follows the direction of the charge that passed",
         parameters=(
             _amplitude(0.2),
             Parameter("rate_per_soc", "1", 20.0, 2.0, 200.0, step=2.0, shape=True),
@@ -205,16 +200,12 @@ EFFECTS = (
             for rate in (4.0, 12.0, 40.0)
         ),
         needs=("both_directions",),
-        shows="a slow discharge and charge (C/20) with turns in between",
         slow_gap="hysteresis",
         quantity="half_gap",
-        short="hysteresis",
         sizes_in_words=_half_distance_and_turn,
-        consequence="the voltage at rest depends on the way there; a filter without it is biased",
     ),
     Effect(
         id="slow_diffusion",
-        sentence="slow diffusion: polarisation that takes tens of minutes to build up and decay",
         parameters=(
             Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.2, step=1e-3, plausible=0.01),
             Parameter("time_constant_second", "s", 2000.0, 100.0, 1e5, step=20.0, shape=True),
@@ -242,17 +233,13 @@ EFFECTS = (
             for second in seconds
         ),
         needs=("long_rest",),
-        shows="a rest of two hours after a long load",
         slow_gap="resistance",
         quantity="slow_resistance",
-        short="slow diffusion",
         sizes_in_words=_diffusion_sizes,
         of_branch=True,
-        consequence="rests of minutes end before the open-circuit voltage is reached",
     ),
     Effect(
         id="charge_transfer_nonlinearity",
-        sentence="charge transfer after Butler–Volmer: large currents cost less than in proportion",
         parameters=(
             Parameter(
                 "per_exchange_current_per_ampere", "1/A", 0.0, 0.0, 20.0, step=0.02, plausible=0.5
@@ -279,12 +266,9 @@ EFFECTS = (
             for size in (0.15, 0.6, 2.5)
         ),
         needs=("rates",),
-        shows="pulses of at least four sizes at one state of charge",
         quantity="large_over_small",
-        short="charge-transfer kinetics",
         sizes_in_words=_resistance_at_rates,
         sizes_need_model=True,
         of_branch=True,
-        consequence="resistance from small pulses overstates what large loads cost",
     ),
 )

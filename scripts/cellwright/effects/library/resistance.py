@@ -4,7 +4,7 @@ import numpy as np
 
 from cellwright.effects.base import kept_response, slowed
 from cellwright.effects.library.sizes import as_is, over_soc, resistance_by_direction
-from cellwright.effects.library.vocabulary import Effect, Parameter, Tie
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, worded
 
 # Knots of a course over SoC (logarithm of a resistance, entropic coefficient), from the middle to
 # either end. A parameter is the change from one knot to the next: beyond the last SoC tested the
@@ -105,10 +105,9 @@ def course_parameters(unit="1", *, most=3.0, **about):
 
 
 LEAD_CHECK = "a four-wire reading, an impedance spectrum, or the resistance against temperature"
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="resistance_asymmetry",
-        sentence="the ohmic resistance differs between charge and discharge",
         parameters=(
             Parameter(
                 "charge_resistance_excess_relative", "1", 0.0, -0.8, 4.0, step=0.05, plausible=0.5
@@ -124,33 +123,25 @@ EFFECTS = (
         act=_asymmetry,
         starts=({"in_quicker_pair": 0.0}, {"in_quicker_pair": 1.0}),
         needs=("both_directions",),
-        shows="pulses of the same size in both directions",
         quantity="charge_over_discharge",
-        short="a resistance that differs between charge and discharge",
         sizes_in_words=resistance_by_direction,
         sizes_need_model=True,
         of_branch=True,
-        consequence="voltage limits on charge and discharge are reached at other currents",
     ),
     Effect(
         id="resistance_soc",
-        sentence="the ohmic resistance changes with the state of charge",
         parameters=course_parameters(),
         stage="resistance",
         act=_resistance_soc,
         needs=("soc_range",),
-        shows="pulses at ten or more states of charge",
         in_healthy_cells=True,
         quantity="ohmic_over_soc",
-        short="resistance over state of charge",
         sizes_in_words=over_soc("R0", lambda fields: fields.r0),
         sizes_need_model=True,
         of_branch=True,
-        consequence="power near empty and near full differs from that at half charge",
     ),
     Effect(
         id="polarisation_soc",
-        sentence="the polarisation (what relaxes) changes with the state of charge",
         parameters=(
             *course_parameters(),
             # 0: both pairs alike, 1: the quicker alone. The slower alone is an error of the OCV.
@@ -159,25 +150,19 @@ EFFECTS = (
         stage="resistance",
         act=_polarisation_soc,
         needs=("soc_range",),
-        shows="pulses with rests of ten minutes at ten or more states of charge",
         in_healthy_cells=True,
         quantity="relaxing_over_soc",
-        short="polarisation over state of charge",
         sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
         sizes_need_model=True,
         of_branch=True,
-        consequence="what lasting loads cost near empty and near full differs from half charge",
     ),
     Effect(
         id="lead_resistance",
-        sentence="leads or contacts add a resistance to what the instrument sees",
         parameters=(Parameter("resistance_ohm", "Ohm", 0.0, 0.0, 0.05, step=1e-4, plausible=5e-3),),
         stage="resistance",
         act=_lead,
         shows=LEAD_CHECK,
         ties=(Tie("the cell's own ohmic resistance", LEAD_CHECK, always=True, exact=True),),
-        short="lead resistance",
         sizes_in_words=as_is("resistance_ohm", "mΩ", factor=1e3),
-        consequence="the cell's own resistance is smaller than the model's",
     ),
 )

@@ -9,6 +9,7 @@ from cellwright.effects.library.vocabulary import (
     Tie,
     numbers_of,
     since_slow_test,
+    worded,
 )
 
 
@@ -44,10 +45,9 @@ def _skew(fields, stack, p):
 
 
 TWO_REFERENCES = "two voltage references in place of the cell"
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id="current_offset",
-        sentence="the current reading is off by a constant",
         parameters=(
             Parameter("offset_ampere", "A", 0.0, -0.5, 0.5, step=1e-3, plausible=0.02),
             # 1: the slow test was read with it, too; it may be older, or of another channel. Tried,
@@ -58,7 +58,6 @@ EFFECTS = (
         act=_current_offset,
         starts=({"in_slow_test": 1.0}, {"in_slow_test": 0.0}),
         blocks=numbers_of("reading", offset_ampere="current_offset_ampere"),
-        shows="the logged current at commanded open circuit",
         ties=(
             Tie(
                 "leakage",
@@ -70,18 +69,14 @@ EFFECTS = (
         ),
         in_rest_log=True,
         quantity="current_at_rest",
-        short="an offset of the current reading",
         sizes_in_words=current("offset_ampere"),
-        consequence="counted state of charge drifts with time",
     ),
     Effect(
         id="current_gain",
-        sentence="the current reading is off by a factor",
         parameters=(Parameter("gain_relative", "1", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),),
         stage="current",
         act=_current_gain,
         blocks=numbers_of("reading", gain_relative="current_gain_relative"),
-        shows="a reference shunt, a second channel, or other cells of the same channel",
         ties=(
             Tie(
                 "capacity_error",
@@ -90,13 +85,10 @@ EFFECTS = (
                 exact=True,
             ),
         ),
-        short="a gain error of the current reading",
         sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
-        consequence="capacity and resistance are off by the same factor",
     ),
     Effect(
         id="time_skew",
-        sentence="voltage and current are not read at the same time",
         parameters=(
             Parameter(
                 *("voltage_delay_second", "s", 0.0, -3.0, 3.0),
@@ -116,39 +108,29 @@ EFFECTS = (
             for sign in (1.0, -1.0)
         ),
         needs=("edges",),
-        shows="pulses with sharp edges, sampled ten times a second",
         hold_imitates=True,
-        short="a time shift between voltage and current",
         sizes_in_words=as_is("voltage_delay_second", "s", name="voltage behind current by"),
-        consequence="resistance is mistaken for fast polarisation",
     ),
     Effect(
         id="voltage_offset",
-        sentence="the voltage reading is off by a constant",
         parameters=(Parameter("offset_volt", "V", 0.0, -0.1, 0.1, step=1e-3, plausible=0.01),),
         stage="reading",
         act=_voltage_offset,
         blocks=numbers_of("reading", offset_volt="voltage_offset_volt"),
-        shows="a voltage reference in place of the cell",
         ties=(
             Tie("ocv_shift", "a voltage reference in place of the cell", exact=True),
             Tie("voltage_gain", TWO_REFERENCES, exact=True),
         ),
-        short="an offset of the voltage reading",
         sizes_in_words=as_is("offset_volt", "mV", factor=1e3),
-        consequence="every state of charge by voltage is biased",
     ),
     Effect(
         id="voltage_gain",
-        sentence="the voltage reading is off by a factor",
         parameters=(Parameter("gain_relative", "1", 0.0, -0.05, 0.05, step=5e-4, plausible=3e-3),),
         stage="reading",
         act=_voltage_gain,
         blocks=numbers_of("reading", gain_relative="voltage_gain_relative"),
         shows=TWO_REFERENCES,
         ties=(Tie("ocv_shift", TWO_REFERENCES, exact=True),),
-        short="a gain error of the voltage reading",
         sizes_in_words=as_is("gain_relative", "% of reading", factor=100),
-        consequence="every state of charge by voltage is biased, most near full",
     ),
 )

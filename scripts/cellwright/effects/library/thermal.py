@@ -16,7 +16,7 @@ from cellwright.effects.library.sizes import (
     energy,
     with_minutes,
 )
-from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, numbers_of
+from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, numbers_of, worded
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 
@@ -133,10 +133,9 @@ def _change_of_capacity(effect, p, values):
     return [(name, 100 * (warm - cold) / middle, "% of capacity")]
 
 
-EFFECTS = (
+EFFECTS = worded(
     Effect(
         id=WARMED,
-        sentence="resistances change with temperature",
         parameters=(
             Parameter(ENERGY, "J/mol", 0.0, -2e4, 1.2e5, step=1e3, plausible=2e4),
             Parameter(
@@ -156,20 +155,16 @@ EFFECTS = (
         stage="resistance",
         act=_resistance,
         needs=("temperature",),
-        shows="the same drive at two temperatures, 15 K apart",
         asked_if_unseen=True,
         in_healthy_cells=True,
         bent_over_temperature=True,
         quantity="activation_energy",
-        short="resistance over temperature",
         sizes_in_words=energy,
         sizes_need_model=True,
         of_branch=True,
-        consequence="power predicted at one temperature does not hold at another",
     ),
     Effect(
         id="self_heating",
-        sentence="the cell is warmer inside than was measured, by its own heat",
         parameters=(
             Parameter(
                 "thermal_resistance_kelvin_per_watt", "K/W", 0.0, 0.0, 60.0, step=0.2, plausible=5.0
@@ -181,7 +176,6 @@ EFFECTS = (
         blocks=_own_heat_block,
         starts=tuple({"time_constant_second": t} for t in (200.0, 500.0, 1500.0)),
         needs=("rates",),
-        shows="a load of 2C or more for half an hour, with pulses in it",
         ties=(
             Tie(
                 "resistance_temperature",
@@ -191,14 +185,11 @@ EFFECTS = (
         ),
         warms_core=True,
         quantity="core_rise",
-        short="self-heating",
         sizes_in_words=with_minutes("thermal_resistance_kelvin_per_watt", "K for each watt"),
         assumed_relative=(OWN_HEAT_RELATIVE, 0.0),
-        consequence="resistance falls under lasting load: in the cold the cell warms itself",
     ),
     Effect(
         id="entropic_ocv",
-        sentence="the open-circuit voltage changes with temperature (entropic coefficient)",
         parameters=(
             Parameter(MIDDLE_ENTROPY, "V/K", 0.0, -3e-3, 3e-3, step=2e-5, plausible=3e-4),
             # Lithiated electrodes order and disorder: from knot to knot the coefficient changes by
@@ -208,17 +199,13 @@ EFFECTS = (
         stage="ocv",
         act=_entropic,
         needs=("temperature",),
-        shows="rests of the same states of charge at two temperatures, 15 K apart",
         bent_over_temperature=True,
         quantity="ocv_per_kelvin",
-        short="an OCV that moves with temperature",
         sizes_in_words=_ocv_per_kelvin,
         of_branch=True,
-        consequence="a voltage at rest means another state of charge in the cold",
     ),
     Effect(
         id="capacity_temperature",
-        sentence="the capacity between full and empty changes with temperature",
         parameters=(
             Parameter("relative_per_kelvin", "1/K", 0.0, -0.01, 0.02, step=1e-4, plausible=2e-3),
         ),
@@ -226,12 +213,9 @@ EFFECTS = (
         act=_capacity,
         blocks=numbers_of("counting", relative_per_kelvin="capacity_relative_per_kelvin"),
         needs=("temperature",),
-        shows="capacity tests, or drives from full to near empty, at two temperatures",
         quantity="capacity_per_kelvin",
-        short="capacity over temperature",
         sizes_in_words=_change_of_capacity,
         of_branch=True,
-        consequence="the state of charge moves faster in the cold than counted",
     ),
 )
 # A change of the energy that moves no time constant: of a cell never tested over temperature

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.effects.library.messages import say
+
 SLOW_TEST = "ocv"  # kind of test that an OCV is from, and a capacity
 
 
@@ -65,9 +67,10 @@ class Effect(NamedTuple):
     could not show this effect, its test is the next (most cells have it).
 
     Words. sentence : a clause. short : its name in a report; "": its id in words. consequence :
-    what it changes for the user. sizes_in_words : function (effect, p, values) → list of (name,
-    value, unit), its sizes as people use them, values being those of the model; None: its
-    parameters as they are. sizes_need_model : these are changes of the model's own resistances.
+    what it changes for the user. Of the library these and `shows` stand in messages.toml, see
+    `worded`. sizes_in_words : function (effect, p, values) → list of (name, value, unit), its sizes
+    as people use them, values being those of the model; None: its parameters as they are.
+    sizes_need_model : these are changes of the model's own resistances.
     assumed_relative : standard deviation of each size by what its equation assumes, over the size.
 
     Ties. ties : tuple of Tie. in_rest_log : whether the current logged at rest shows it (True) or
@@ -94,7 +97,6 @@ class Effect(NamedTuple):
     """
 
     id: str
-    sentence: str
     parameters: tuple
     stage: str
     act: Callable | None = None
@@ -102,6 +104,7 @@ class Effect(NamedTuple):
     needs: tuple = ()
     shows: str = ""
     asked_if_unseen: bool = False
+    sentence: str = ""
     short: str = ""
     consequence: str = ""
     sizes_in_words: Callable | None = None
@@ -144,6 +147,21 @@ class Effect(NamedTuple):
         """Names of the parameters of a start that the effect's starts give."""
         stated = {name for values in self.starts for name in values}
         return {name for name in start if name.rpartition(".")[2] in stated}
+
+
+def worded(*effects):
+    """Effects with their words, those that an entry does not bring itself from messages.toml."""
+    return tuple(effect._replace(**_words_of(effect)) for effect in effects)
+
+
+def _words_of(effect):
+    codes = {
+        "sentence": f"sentence.{effect.id}",
+        "short": f"short.{effect.id}",
+        "shows": f"shows.{effect.id}",
+        "consequence": f"consequence.{effect.id}",
+    }
+    return {field: getattr(effect, field) or say(code) for field, code in codes.items()}
 
 
 def since_slow_test(stack):
