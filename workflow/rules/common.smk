@@ -26,7 +26,7 @@ sys.path.insert(0, SCRIPTS)
 
 from cellwright.records.conditions import stated_or_reference
 from runtime import job_environment, job_requests, rule_setup
-from runtime import raw_files, run_end, settings, sheets, snakemake_state
+from runtime import campaign_check, raw_files, run_end, settings, sheets, snakemake_state
 from runtime.bias_plan import BiasPlan
 from runtime.health_plan import SLOW_CURVE_KINDS, HealthPlan
 from runtime.model_plan import ModelPlan
@@ -49,9 +49,11 @@ if workflow.is_main_process:
 
 # The `config:` of a module stands for config/config.yaml, which is then the using workflow's own.
 AS_MODULE = not workflow.modifier.is_main_snakefile()
-CAMPAIGN = sheets.read(
+CAMPAIGN, MISSING = campaign_check.check(
     Path.cwd(), SCHEMAS, config, alone=AS_MODULE and workflow.modifier.skip_configfile
 )
+if workflow.is_main_process:
+    sys.stderr.writelines(f"{line}\n" for line in campaign_check.in_words(MISSING))
 config = CAMPAIGN.config
 CHOICES = sheets.choices(config, SCHEMAS)
 PLAN = Plan(CAMPAIGN)
