@@ -168,7 +168,7 @@ def _of_cell(name, largest_ampere, models, searched):
     }
     source = next((words for words, cells in sources.items() if name in cells), None)
     if source is None:
-        yield "  no model: needs an hppc test, a drive of role fit, or an ocv beside a capacity test"
+        yield "  no model: needs an hppc test, a drive of role fit, or ocv and capacity tests"
         return
     tests = [row["test"] for row in models.scored.get(name, ())]
     held = f"validated on {_named(tests)}" if tests else "not validated: no test of role validation"
