@@ -71,6 +71,15 @@ def written_to():
     return raw_files.changed(CONTENTS, raw_files.planned(LARGEST_MEGABYTE))
 
 
+def last_lines(*before):
+    """The last lines of a run; of `verify`, what it found."""
+    verified = {job.rule.name for job in workflow.dag.jobs} == {"verify"}
+    log = Path("logs", "verify.log")
+    if verified and log.is_file() and log.stat().st_mtime >= STARTED:
+        return [log.read_text(encoding="utf-8")]
+    return [*before, *run_end.lines(Path.cwd(), BEFORE, STARTED, written_to())]
+
+
 def contents_of(files):
     """Inputs of a job among files of the user's, with what they hold; of others it says itself."""
     return {file: CONTENTS[file] for file in files if file in CONTENTS}
