@@ -1,11 +1,11 @@
-"""Commands beside a run: `inspect FILE...`, `init FOLDER`, `convert FILE`, `explain TABLE ROW`,
-`compare BEFORE AFTER`."""
+"""Commands beside a run: `inspect FILE...`, `init FOLDER`, `check FOLDER`, `convert FILE`,
+`explain TABLE ROW`, `compare BEFORE AFTER`."""
 
 import argparse
 import sys
 
 from cellwright.refusal import Refusal
-from first_look import compare, interchange, lineage, one_file, sheets, words
+from first_look import check, compare, interchange, lineage, one_file, sheets, words
 
 
 def main(arguments=None) -> int:
@@ -18,6 +18,8 @@ def main(arguments=None) -> int:
     inspect.add_argument("file", nargs="+")
     init = commands.add_parser("init", help="draft the sheets of a folder of instruments' files")
     init.add_argument("folder")
+    look = commands.add_parser("check", help="say what a run will make of a campaign's tests")
+    look.add_argument("folder")
     convert = commands.add_parser("convert", help="write a file as Battery Data Format")
     convert.add_argument("file")
     convert.add_argument("--to", help=f"a path that ends in {', '.join(interchange.MEDIA)}")
@@ -38,7 +40,7 @@ def _printed(lines) -> int:
     """Print lines as they come; 1 where they end in a refusal, which is printed too."""
     try:
         for line in lines:
-            print(line)
+            print(line, flush=True)
     except (Refusal, OSError) as reason:
         print(reason, file=sys.stderr)
         return 1
@@ -59,6 +61,8 @@ def _about(file):
 def _lines(options):
     if options.command == "init":
         yield from sheets.write(options.folder)
+    elif options.command == "check":
+        yield from check.check(options.folder)
     elif options.command == "convert":
         yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
     elif options.command == "explain":

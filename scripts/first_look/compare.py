@@ -26,7 +26,6 @@ READ = (
     f"Red: differences beyond {BEYOND} of the standard deviations that both runs state; blank: "
     "none stated. The largest first."
 )
-TEMPLATES = Path(__file__).resolve().parents[2] / "workflow" / "report"
 # Two runs of the same numbers on other machines differ in the last digits.
 SAME = 1e-6
 
@@ -216,7 +215,7 @@ def _page(changes) -> str:
         _table(name, [change for change in changes if change.table == name])
         for name in dict.fromkeys(change.table for change in changes)
     ]
-    template = page.environment_of(TEMPLATES).get_template("compare.html.j2")
+    template = page.environment_of(page.TEMPLATES).get_template("compare.html.j2")
     sentences = in_words(changes)[:1]
     return template.render(tables=tables, sentences=sentences, number_of=page.Numbers())
 

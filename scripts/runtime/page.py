@@ -67,6 +67,7 @@ FLEET = (
     "fit, in mV. A question mark: not sure, see the cell's page; or: one name of a tie; n/t: its "
     "tests cannot show it; blank: not shown."
 )
+TEMPLATES = Path(__file__).resolve().parents[2] / "workflow" / "report"
 # Long, and on no page.
 UNREAD = {"models", "models_of_checkups", "resistance", "relaxation", "ica_tracks"}
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
@@ -80,7 +81,8 @@ def render(job) -> str:
     inputs, params = job.input, job.params
     tables = {Path(p).stem: _text(p) for p in inputs.tables if Path(p).stem not in UNREAD}
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
-    layout = {name: _yaml(getattr(inputs, name)) for name in ("captions", "chapters", "specs")}
+    layout = {"captions": "captions.yaml", "chapters": "chapters.yaml", "specs": "tables.yaml"}
+    layout = {name: _yaml(TEMPLATES / file) for name, file in layout.items()}
     owners = [row["cell"] for row in params.cells]
     found = {_owner(artefact.read_about(path)): _verdict(path) for path in inputs.verdicts}
     for columns, about in artefact.load_all(inputs.maps):
@@ -98,13 +100,13 @@ def render(job) -> str:
     excluded = tables["excluded"].to_dict("records")
     parts = _by_owner(tables, owners + groups)
     sums = {row["cell"]: row for row in summary}
-    environment = environment_of(Path(inputs.template).parent)
+    environment = environment_of(TEMPLATES)
     environment.globals |= {"fact": fact_in_words, "again": params.run["again"]}
     environment.globals["uplot"] = {
-        "script": Markup(Path(inputs.uplot).read_text(encoding="utf-8")),
-        "style": Markup(Path(inputs.uplot_style).read_text(encoding="utf-8")),
+        "script": Markup((TEMPLATES / "uplot/uPlot.iife.min.js").read_text(encoding="utf-8")),
+        "style": Markup((TEMPLATES / "uplot/uPlot.min.css").read_text(encoding="utf-8")),
     }
-    template, failed = environment.get_template(Path(inputs.page).name), []
+    template, failed = environment.get_template("page.html.j2"), []
 
     def whole(name):
         """What the template shows of a cell or group, and all of it as HTML."""
@@ -145,7 +147,7 @@ def render(job) -> str:
     overview = part(
         "the overview", overview_page.section, params.cells, summary, tables, checks, otherwise={}
     )
-    return environment.get_template(Path(inputs.template).name).render(
+    return environment.get_template("report.html.j2").render(
         title=params.title,
         excluded=excluded,
         exclusions=_exclusions(excluded),
@@ -162,7 +164,7 @@ def render(job) -> str:
         pictures=[one for kind, one in pictures if kind not in OF_HEALTH],
         pages=pages,
         number_of=Numbers(),
-        methods=_methods(_yaml(inputs.methods), tables, params.settings),
+        methods=_methods(_yaml(TEMPLATES / "methods.yaml"), tables, params.settings),
         run=params.run,
         assumptions=params.assumptions,
         choices=params.choices,

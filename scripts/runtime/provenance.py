@@ -28,6 +28,13 @@ def sha256_of(path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def files_of(folder) -> dict[str, str]:
+    """SHA-256 of each file below a folder of the clone, by its path there; no bytecode."""
+    files = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+    kept_files = [path for path in files if path.suffix != ".pyc"]
+    return {path.relative_to(folder).as_posix(): sha256_of(path) for path in kept_files}
+
+
 PUBLIC = re.compile(r"from (\S+) import \(?\s*(\w+)")  # a line of the stub of a package
 MESSAGES = ".toml"  # of a module whose sentences stand in the file of its name
 IMPORTS = (ast.Import, ast.ImportFrom)

@@ -30,6 +30,13 @@ AS_TABS = "text with tabs (in the spreadsheet: save as text, tab delimited, UTF-
 STARTED_NOTE = re.compile(r"started ([0-9][0-9/.:\- ]*[0-9](?: ?[AP]M)?)", re.IGNORECASE)
 CLOCKS = (" %I:%M:%S %p", " %H:%M:%S", " %H:%M", "")
 DATES = ("%Y-%m-%d", "%m/%d/%Y", "%d/%m/%Y", "%d.%m.%Y")
+# What numbers too large for their column are often written in: unit of the column, least number
+# that is told, other unit, factor and shift from it.
+OTHER_UNITS = (
+    ("1", 2.0, "percent", 0.01, 0.0),
+    ("°C", 200.0, "kelvin", 1.0, -273.15),
+    ("V", 1000.0, "millivolt", 1e-3, 0.0),
+)
 COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -182,7 +189,19 @@ def _number(text, spec, kind=float):
     value = kind(text)
     low, high = spec.get("minimum", -math.inf), spec.get("maximum", math.inf)
     inside = low <= value <= high and value > spec.get("exclusiveMinimum", -math.inf)
-    return (value, None) if inside and math.isfinite(value) else (None, (wanted(spec),))
+    if inside and math.isfinite(value):
+        return value, None
+    return None, (wanted(spec) + _in_other_unit(value, spec),)
+
+
+def _in_other_unit(value, spec):
+    """What a number beyond its range would be, had another unit been meant; "" where none is."""
+    for unit, least, other, factor, shift in OTHER_UNITS:
+        meant = factor * value + shift
+        if spec.get("unit") == unit and value >= least and spec["minimum"] <= meant:
+            fits = meant <= spec["maximum"]
+            return f"; in {other}? Write {meant:.6g}" if fits else ""
+    return ""
 
 
 def _with_defaults(rows, schema) -> list[dict]:

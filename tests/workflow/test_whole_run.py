@@ -365,12 +365,14 @@ def test_a_group_kept_for_validation_is_never_fitted(copy):
 
 @pytest.mark.slow
 def test_verify_finds_what_was_edited_by_hand(copy):
+    assert "Every artefact is as the manifest says.\n" in snakemake(copy, "verify").said
     edited = copy / "results/tables/capacity.csv"
     edited.write_text(edited.read_text().replace("discharge", "charge", 1))
     run = snakemake(copy, "verify")
     assert run.status != 0
     assert "results/tables/capacity.csv: changed since the run that made it" in run.said
     assert run.said.count("changed since the run") == 1
+    assert "Report:" not in run.said, "it ends in its sentence"
 
 
 def test_faults_of_the_sheets_are_told_at_once_before_any_job(tmp_path):

@@ -26,7 +26,7 @@ sys.path.insert(0, SCRIPTS)
 
 from cellwright.records.conditions import stated_or_reference
 from runtime import job_environment, job_requests, rule_setup
-from runtime import raw_files, run_end, settings, sheets, snakemake_state
+from runtime import campaign_check, raw_files, run_end, settings, sheets, snakemake_state
 from runtime.bias_plan import BiasPlan
 from runtime.health_plan import SLOW_CURVE_KINDS, HealthPlan
 from runtime.model_plan import ModelPlan
@@ -49,9 +49,11 @@ if workflow.is_main_process:
 
 # The `config:` of a module stands for config/config.yaml, which is then the using workflow's own.
 AS_MODULE = not workflow.modifier.is_main_snakefile()
-CAMPAIGN = sheets.read(
+CAMPAIGN, MISSING = campaign_check.check(
     Path.cwd(), SCHEMAS, config, alone=AS_MODULE and workflow.modifier.skip_configfile
 )
+if workflow.is_main_process:
+    sys.stderr.writelines(f"{line}\n" for line in campaign_check.in_words(MISSING))
 config = CAMPAIGN.config
 CHOICES = sheets.choices(config, SCHEMAS)
 PLAN = Plan(CAMPAIGN)
@@ -67,6 +69,15 @@ CONTENTS = raw_files.planned(LARGEST_MEGABYTE)
 def written_to():
     """Files of the user's that hold something else by now than when the run was planned."""
     return raw_files.changed(CONTENTS, raw_files.planned(LARGEST_MEGABYTE))
+
+
+def last_lines(*before):
+    """The last lines of a run; of `verify`, what it found."""
+    verified = {job.rule.name for job in workflow.dag.jobs} == {"verify"}
+    log = Path("logs", "verify.log")
+    if verified and log.is_file() and log.stat().st_mtime >= STARTED:
+        return [log.read_text(encoding="utf-8")]
+    return [*before, *run_end.lines(Path.cwd(), BEFORE, STARTED, written_to())]
 
 
 def contents_of(files):

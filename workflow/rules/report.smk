@@ -40,18 +40,6 @@ rule report:
         witnesses=WITNESSES,
         maps=RESIDUAL_MAPS,
         cold=COLD_WORDS,
-        template=local(f"{PIPELINE}/workflow/report/report.html.j2"),
-        page=local(f"{PIPELINE}/workflow/report/page.html.j2"),
-        parts=local(f"{PIPELINE}/workflow/report/parts.html.j2"),
-        captions=local(f"{PIPELINE}/workflow/report/captions.yaml"),
-        chapters=local(f"{PIPELINE}/workflow/report/chapters.yaml"),
-        specs=local(f"{PIPELINE}/workflow/report/tables.yaml"),
-        methods=local(f"{PIPELINE}/workflow/report/methods.yaml"),
-        style=local(f"{PIPELINE}/workflow/report/report.css"),
-        code=local(f"{PIPELINE}/workflow/report/report.js"),
-        closer=local(f"{PIPELINE}/workflow/report/closer.js"),
-        uplot=local(f"{PIPELINE}/workflow/report/uplot/uPlot.iife.min.js"),
-        uplot_style=local(f"{PIPELINE}/workflow/report/uplot/uPlot.min.css"),
         lookups=EXPORTED["lookup.csv"],
         pybamm=EXPORTED["pybamm_thevenin.json"],
         simulated=predicted("simulation"),
@@ -71,6 +59,8 @@ rule report:
         settings=lambda w: config,
         assumptions=ASSUMPTIONS,
         run=run_facts(),
+        # No inputs: their paths are others where the clone lies elsewhere.
+        look=files_of(f"{PIPELINE}/workflow/report"),
     message:
         "Write results/report.html."
     script:

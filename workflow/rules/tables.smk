@@ -1,5 +1,7 @@
 # The results contract: plain CSV tables, the summary, what was left out, the manifest.
 
+from runtime.provenance import files_of
+
 SCORES, FILTERED = (
     [
         f"results/stages/{stage}/{cell}/{row['test']}.parquet"
@@ -172,7 +174,6 @@ rule summary:
         stages=STAGES,
         models=MODELS,
         verdicts=VERDICTS,
-        laws=[local(str(path)) for path in Path(PIPELINE, "tests/artefacts").glob("*.py")],
     output:
         excluded="results/tables/excluded.csv",
         summary="results/summary.csv",
@@ -184,6 +185,7 @@ rule summary:
     params:
         cells=list(CELLS.values()),
         files={f"{cell}/{test}": row["file"] for (cell, test), row in TESTS.items()},
+        laws=files_of(f"{PIPELINE}/tests/artefacts"),
     message:
         "What was left out and why, one row per cell, and the results held against physics."
     script:

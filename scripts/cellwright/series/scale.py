@@ -10,7 +10,7 @@ from cellwright.series.rest_current import near_zero_ampere
 # What a charge is too small by where the time or the current is read in another unit than its own.
 FACTORS = {
     60.0: "minutes read as seconds",
-    1000.0: "ampere read as milliampere, or seconds as milliseconds",
+    1000.0: "ampere read as milliampere, seconds as milliseconds, or a rating written in mAh",
     3600.0: "hours read as seconds",
     86400.0: "days read as seconds",
 }
