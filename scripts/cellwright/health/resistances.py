@@ -43,7 +43,8 @@ def resistances_of_cell(pulses, spectra, model, verdict):
     Returns
     -------
     rows : list of dict: name, resistance_ohm, resistance_std_ohm, over_r0 (ratio to R0), test,
-        soc, current_ampere, delay_second, ambient_temperature_celsius, doubt, definition; R0 first.
+        soc, current_ampere, delay_second, ambient_temperature_celsius, doubt, doubt_codes,
+        definition; R0 first.
     """
     pulse = reference_resistance(pulses)
     rows = _of_pulse(pulse, pulses) if pulse else []
@@ -63,6 +64,7 @@ def _row(name, definition, ohm, std=None, **at):
         "delay_second",
         "ambient_temperature_celsius",
         "doubt",
+        "doubt_codes",
     )
     row = {"name": name, "resistance_ohm": ohm, "resistance_std_ohm": std}
     return row | {key: at.get(key) for key in known} | {"definition": DEFINITIONS[definition]}
@@ -80,7 +82,7 @@ def _of_pulse(pulse, pulses):
         at = {name: row[name] for name in ("test", "soc", "current_ampere")}
         at |= {"delay_second": row["actual_delay_second"]}
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
-        at |= {"doubt": row.get("doubt")}
+        at |= {name: row.get(name) for name in ("doubt", "doubt_codes")}
         first = row["delay_second"] == 0
         name, definition = (R0, R0) if first else (LATER.format(row["delay_second"]), "later")
         rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
@@ -148,7 +150,7 @@ def _of_spectrum(pulse, spectra):
         return []
     row = min(alike, key=lambda row: abs(row["soc"] - 0.5))
     at = {name: row[name] for name in ("test", "soc", "ambient_temperature_celsius")}
-    at |= {"doubt": row.get("doubt")}
+    at |= {name: row.get(name) for name in ("doubt", "doubt_codes")}
     rows = [_row("spectrum, ohmic", "spectrum", row["r_ohmic_ohm"], row["r_ohmic_ohm_std"], **at)]
     both, std = row["r_before_diffusion_ohm"], row["r_before_diffusion_ohm_std"]
     if both is not None:
