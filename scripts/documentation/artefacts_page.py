@@ -21,10 +21,11 @@ ranges as it is written. A column in parentheses may be absent: not every instru
 
 def text() -> str:
     """The whole page, in Markdown."""
-    return "\n".join([INTRODUCTION, *(_stage(*stage) for stage in contract.stages().items())])
+    return "\n".join([INTRODUCTION, *(section(*stage) for stage in contract.stages().items())])
 
 
-def _stage(name: str, spec: dict) -> str:
+def section(name: str, spec: dict) -> str:
+    """A heading and a table of the columns of one stage of the contract, in Markdown."""
     rows = [["column", "unit", "range", "meaning"], ["---"] * 4]
     rows += [_column(column, about) for column, about in spec["columns"].items()]
     lines = "".join(f"| {' | '.join(row)} |\n" for row in rows)

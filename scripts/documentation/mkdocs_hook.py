@@ -12,11 +12,9 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 
 
 def on_files(files, config):
-    """Add pages and pictures that are no files of docs/."""
+    """Add pages that are no files of docs/."""
     for page in [*pages.MADE, *pages.ELSEWHERE]:
         files.append(File.generated(config, page, content=pages.text_of(page)))
-    for picture, draw in pages.MADE_PICTURES.items():
-        files.append(File.generated(config, picture, content=draw()))
     return files
 
 

@@ -1,4 +1,9 @@
-"""Every page of the site that is no file of docs/: made from the code, or read elsewhere in it."""
+"""What of the documentation is made from the code, and pages of the site that are no file of docs/.
+
+./run python scripts/documentation/pages.py
+
+writes the pages, pictures and parts that are committed as they are made today.
+"""
 
 import re
 import sys
@@ -13,32 +18,36 @@ from documentation import (
     rooms,
     rules_page,
     settings_page,
+    tables_page,
 )
 from real_cells import page as real_cells_page
 
 ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
 sys.path.append(str(ROOT / "benchmarks"))  # its tables are made where they are measured
 
 import as_page  # noqa: E402
 import whole_run_page  # noqa: E402
 
+# Committed in docs/ as they are made, for those who read the repository.
+COMMITTED = {"settings.md": settings_page.text, "tables.md": tables_page.text}
+PICTURES = {
+    "pictures/architecture.svg": rooms.picture,
+    "pictures/whole-runs.svg": whole_run_page.picture,
+}
+# Made when the site is built.
 MADE = {
-    "settings.md": settings_page.text,
     "artefacts.md": artefacts_page.text,
     "rules.md": rules_page.text,
     "reference.md": api_page.text,
     "real-cells.md": real_cells_page.of_record,
 }
-MADE_PICTURES = {
-    "pictures/architecture.svg": rooms.picture,
-    "pictures/whole-runs.svg": whole_run_page.picture,
-}
-# What stands in a page of docs/ in place of a line `<!-- made: name -->`.
+# What stands in a page between the lines `<!-- made: name -->` and `<!-- end -->`.
 MADE_PARTS = {
     "rooms": rooms.table,
     "picture of the rooms": lambda: "![Rooms and what they import](pictures/architecture.svg)",
     "benchmarks": as_page.tables,
-    "picture of whole runs": lambda: "![CPU time by kind of work](pictures/whole-runs.svg)",
+    "picture of whole runs": lambda: "![CPU time by kind of work](../docs/pictures/whole-runs.svg)",
     "whole runs": whole_run_page.tables,
     "effects of a cell": library_tables.of_cell,
     "effects of a branch": library_tables.of_branch,
@@ -69,11 +78,12 @@ STANDS_FOR = {
     "config/README.md": "settings.md",
     "workflow/schemas/config.schema.yaml": "settings.md",
     "workflow/schemas/artefacts.yaml": "artefacts.md",
+    "workflow/schemas": "settings.md",
     "workflow/rules": "rules.md",
     "scripts/cellwright/__init__.pyi": "reference.md",
     "docs/real-cells": "real-cells.md",
 }
-PART = re.compile(r"^<!-- made: ([\w ]+) -->$", re.M)
+PART = re.compile(r"^<!-- made: ([\w ]+) -->\n(.*?)^<!-- end -->$", re.M | re.S)
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^ *```.*?^ *```", re.M | re.S)
 SOURCE = re.compile(r"\bdocs/([\w-]+)\.md\b")
@@ -92,8 +102,31 @@ def text_of(page: str) -> str:
 
 
 def with_parts(markdown: str) -> str:
-    """A page with the parts in it that are made from the code."""
-    return PART.sub(lambda part: MADE_PARTS[part[1]](), markdown)
+    """A page with the parts in it as they are made today, between their marks."""
+    return PART.sub(_part, markdown)
+
+
+def _part(found) -> str:
+    text = MADE_PARTS[found[1]]().strip("\n")
+    return f"<!-- made: {found[1]} -->\n\n{text}\n\n<!-- end -->"
+
+
+def by_hand(page) -> str:
+    """What a person wrote of a page (a path): without the parts that are made; "" of made pages."""
+    if page.parent == DOCS and page.name in COMMITTED:
+        return ""
+    return PART.sub("", page.read_text(encoding="utf-8"))
+
+
+def committed() -> dict:
+    """Bytes of each committed file that is made, or has parts that are, as made today, by path."""
+    found = {DOCS / name: SOURCE.sub(r"[\1](\1.md)", of()) for name, of in COMMITTED.items()}
+    found |= {DOCS / name: draw() for name, draw in PICTURES.items()}
+    for path in [*DOCS.glob("*.md"), ROOT / "README.md", *(ROOT / f for f in ELSEWHERE.values())]:
+        text = path.read_text(encoding="utf-8")
+        if PART.search(text):
+            found[path] = with_parts(text)
+    return {path: t if isinstance(t, bytes) else t.encode() for path, t in found.items()}
 
 
 def for_site(markdown: str, page: str, repository: str = "") -> str:
@@ -163,3 +196,10 @@ def _named(label: str, path: str) -> str:
     if path.endswith(label.replace("\\", "").strip("`")):
         return f"`{path}`"
     return f"{label} (`{path}`)"
+
+
+if __name__ == "__main__":
+    for path, content in committed().items():
+        if not path.exists() or path.read_bytes() != content:
+            path.write_bytes(content)
+            print(f"written: {path.relative_to(ROOT)}")

@@ -16,7 +16,8 @@ INTRODUCTION = """\
 
 Facts stand in tab-separated sheets, choices in `config.yaml`. UTF-8, one header row, columns in
 any order, blank = not known. Unknown columns, ids, kinds and keys are faults; all faults of all
-files are reported at once, before anything runs.
+files are reported at once, before anything runs. This page is made from
+[workflow/schemas](../workflow/schemas).
 """
 
 

@@ -13,13 +13,14 @@ import sys
 import traceback
 import zipfile
 from contextlib import contextmanager
-from functools import cache, reduce
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from cellwright.messages import doubt_columns, doubts_in
 from cellwright.refusal import Refusal
 from runtime import contract, provenance
 from runtime.csv_cells import as_written, guarded
@@ -277,17 +278,22 @@ class Job:
             facts["left_out"] = [*facts.get("left_out", []), *beyond]
         about = self.about() | {"facts": plain(facts)}
         # What a table says of the tests behind it is already known by their names.
-        parts = ((of.partition(" ")[2], said) for of, said in about["doubts"].items())
-        named = (f"{test}: {said}" if test else said for test, said in parts)
-        said = reduce(lambda text, one: text.replace(one, ""), named, doubt_of(content))
-        if said := said.strip("; "):
-            about["doubts"] = about["doubts"] | {owner_of(about): said}
+        known = {
+            f"{test}: {one}" if test else one
+            for of, test in ((of, of.partition(" ")[2]) for of in about["doubts"])
+            for one in doubts_about(about, of)
+        }
+        own = [one for one in doubts_told(content, contract.stage_of(path)) if one not in known]
+        if own:
+            columns = doubt_columns(own)
+            about["doubts"] |= {owner_of(about): columns["doubt"]}
+            about["doubt_codes"] |= {owner_of(about): columns["doubt_codes"]}
         self.made[path] = write(path, content, about)
         self.saved.add(path)
 
     def note(self, *notes):
         """Sentences for the report about what was done or left out."""
-        self.notes += [str(note) for note in notes]
+        self.notes += notes
         self.log("".join(f"{note}\n" for note in notes))
 
     def log(self, text: str):
@@ -308,22 +314,35 @@ class Job:
             "step": self.step,
             "reason": reason,
             "origin": origin,
-            "notes": self.notes,
+            "notes": [str(note) for note in self.notes],
+            "notes_of": [getattr(note, "of", "") for note in self.notes],
             **behind(self.inputs),
             "facts": {},
         }
 
 
-def doubt_of(content) -> str:
-    """What a table's own column `doubt` says, once each, in words; "" where it has none."""
+def doubts_told(content, code) -> list:
+    """What a table's own column `doubt` says, once each: list of Said; empty where it has none.
+
+    code : of sentences without one in a column `doubt_codes` beside them.
+    """
     if not hasattr(content, "get") or content.get("doubt") is None or not len(content["doubt"]):
-        return ""
+        return []
     values = np.asarray(content["doubt"])
     if np.issubdtype(values.dtype, np.integer):
-        from cellwright.series.doubts import in_words
+        from cellwright.series.doubts import doubts_said
 
-        return in_words(values)
-    return "; ".join(dict.fromkeys(str(words) for words in values if words))
+        return doubts_said(values)
+    codes = content.get("doubt_codes", [None] * len(values))
+    pairs = dict.fromkeys(zip(values.tolist(), codes, strict=True))
+    rows = [{"doubt": words, "doubt_codes": found} for words, found in pairs]
+    return list(dict.fromkeys(one for row in rows for one in doubts_in(row, code)))
+
+
+def doubts_about(about, of) -> list:
+    """What an artefact knows that speaks against "cell test": list of Said."""
+    row = {"doubt": about["doubts"][of], "doubt_codes": about.get("doubt_codes", {}).get(of)}
+    return doubts_in(row)
 
 
 def owner_of(about) -> str:
@@ -340,24 +359,27 @@ OF_RECORDS = ("ingest", "clean", "segment", "repeats")
 def behind(paths) -> dict:
     """What stands behind a job's artefacts, by what it reads.
 
-    doubts : words by "cell test", of everything. records : tests that its numbers are fitted to or
-    counted from, also through a model. moved_by : those, and tests of which it reads a number (a
-    capacity, a resistance): a doubt moves what is made of that number, and nothing further on. What
+    doubts, doubt_codes : columns of that name by "cell test", of everything. records : tests that
+    its numbers are fitted to or counted from, also through a model. moved_by : those, and tests of
+    which it reads a number (a capacity, a resistance): a doubt moves what is made of that number,
+    and nothing further on. What
     came in time before a test (stage `course`) moves nothing of it; nor do the slow tests and
     spectra that a search for effects holds beside the records that a model is fitted to.
     """
-    doubts, records, numbers = {}, set(), set()
+    doubts, codes, records, numbers = {}, {}, set(), set()
     for path in sorted(set(map(str, paths))):
         if "results" not in Path(path).parts or Path(path).suffix not in (".parquet", ".json"):
             continue
         about, stage = read_about(path), contract.stage_of(path)
         doubts |= about.get("doubts", {})
+        codes |= about.get("doubt_codes", {})
         if about.get("wildcards", {}).get("test"):
             (records if stage in OF_RECORDS else numbers).add(owner_of(about))
         elif stage not in ("course", "missing_effect"):
             records |= set(about.get("records", ()))
     return {
         "doubts": doubts,
+        "doubt_codes": codes,
         "records": sorted(records),
         "moved_by": sorted(records | numbers),
     }

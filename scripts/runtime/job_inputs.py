@@ -1,9 +1,10 @@
 """Inputs of a job as the science takes them: artefacts with what the sheets say of them."""
 
+from cellwright.messages import Said, doubt_columns, doubts_in
 from cellwright.records.basis import Lender
 from cellwright.records.facts import CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
-from runtime import artefact, raw_files
+from runtime import artefact, contract, raw_files
 
 # Facts of a row that is computed from several tests, in a table of rows of single tests.
 OF_NO_TEST = {"test": "", "cycle": None, "ambient_temperature_celsius": None, "soc": None}
@@ -56,18 +57,22 @@ def rows_of(paths, tests, *, of_models=False) -> list[dict]:
     stands once in table `choice`, which has a row for it.
     """
     table_rows = []
-    words_of = own_doubt if of_models else doubt_in_words
-    for columns, about in artefact.load_all(paths):
+    doubts = own_doubts if of_models else doubts_behind
+    loaded = [(path, *one) for path in paths for one in artefact.load_all([path])]
+    for path, columns, about in loaded:
         wildcards = dict(about["wildcards"])
         facts_without_test = {} if "test" in wildcards else OF_NO_TEST
         facts = tests.get(
             f"{wildcards.get('cell') or wildcards.get('group')}/{wildcards.get('test')}",
             facts_without_test,
         )
-        rows = artefact.rows(columns)
+        rows, stage = artefact.rows(columns), contract.stage_of(path)
         own = {row["test"] for row in rows if row.get("test")}
         table_rows += [
-            wildcards | facts | {"doubt": words_of(about, own - {row.get("test")})} | row
+            wildcards
+            | facts
+            | row
+            | _doubts_of_row(row, doubts(about, own - {row.get("test")}), stage)
             for row in rows
         ]
     # Stages that share a table may have columns that the others lack: not known there.
@@ -76,25 +81,32 @@ def rows_of(paths, tests, *, of_models=False) -> list[dict]:
     return [dict.fromkeys(names) | row for row in table_rows]
 
 
-def doubt_in_words(about, of_other_rows=frozenset()) -> str:
+def _doubts_of_row(row, behind, stage):
+    """Columns `doubt` and `doubt_codes` of a table's row: its own, else those behind it."""
+    if "doubt" in row:
+        return doubt_columns(doubts_in(row, stage))
+    return doubt_columns(behind)
+
+
+def doubts_behind(about, of_other_rows=frozenset()) -> list:
     """What speaks against the numbers of an artefact: its own doubts, and those that move it.
 
     Doubts of other tests, which it does not stand on, are in the cell's row of the summary.
-    of_other_rows : tests of which the artefact has rows, but not this one.
+    of_other_rows : tests of which the artefact has rows, but not this one. Returns list of Said.
     """
     own, doubts = artefact.owner_of(about), about.get("doubts", {})
     moving = {own, *about.get("moved_by", doubts)}
-    words = (
-        said if of == own else f"{of.strip()}: {said}"
-        for of, said in doubts.items()
+    return [
+        one if of == own else Said(f"{of.strip()}: {one}", one.code)
+        for of in doubts
         if of in moving and of.partition(" ")[2] not in of_other_rows
-    )
-    return "; ".join(words)
+        for one in artefact.doubts_about(about, of)
+    ]
 
 
-def own_doubt(about, of_other_rows=frozenset()) -> str:
+def own_doubts(about, of_other_rows=frozenset()) -> list:
     """What speaks against an artefact itself and the test that it is of, and nothing behind it."""
-    return doubt_in_words(about | {"moved_by": ()}, of_other_rows)
+    return doubts_behind(about | {"moved_by": ()}, of_other_rows)
 
 
 def rows_of_cell(columns, cell) -> list[dict]:
@@ -220,7 +232,7 @@ def told_of_health(inputs) -> dict:
         artefact.load(next(iter(paths.values())))
     course = loaded.pop("course", None)
     told = {
-        name: [{"doubt": doubt_in_words(about)} | row for row in artefact.rows(content)]
+        name: [doubt_columns(doubts_behind(about)) | row for row in artefact.rows(content)]
         for name, (content, about) in filter(lambda one: one[1] is not None, loaded.items())
     }
     life = told.pop("life", None)

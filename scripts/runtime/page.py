@@ -550,19 +550,21 @@ def _without_model(abouts) -> list[dict]:
 
 
 def _notes(abouts) -> list[dict]:
-    notes = {}
-    texts = [
-        (note, about["wildcards"].get("test", "")) for about in abouts for note in about["notes"]
-    ]
-    for note, test in texts:
-        notes.setdefault(note, set()).add(test)
+    """Notes of artefacts: what is said of many quantities, tests or models in the same words once.
+
+    `notes_of` of an artefact says what each of its notes is said of, "" where of nothing.
+    """
+    tests_of = {}
+    for about in abouts:
+        subjects = about.get("notes_of") or [""] * len(about["notes"])
+        for note, of in zip(about["notes"], subjects, strict=True):
+            said = of, note.removeprefix(f"{of}: ")
+            tests_of.setdefault(said, set()).add(about["wildcards"].get("test", ""))
     alike = {}
-    for text, tests in notes.items():
-        # What is said of many quantities, tests or models in the same words is said once.
-        of, said, words = text.partition(": ")
-        alike.setdefault((words if said else text, *sorted(tests - {""})), []).append(of)
+    for (of, words), tests in tests_of.items():
+        alike.setdefault((words, *sorted(tests - {""})), []).append(of)
     return [
-        {"text": f"{'; '.join(of)}: {words}" if of != [words] else words, "tests": tests}
+        {"text": f"{'; '.join(filter(None, of))}: {words}" if any(of) else words, "tests": tests}
         for (words, *tests), of in alike.items()
     ]
 

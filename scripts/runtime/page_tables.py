@@ -11,6 +11,8 @@ from xml.sax.saxutils import unescape
 import pyarrow as pa
 from markupsafe import Markup
 
+from cellwright.messages import doubts_in
+
 SHOWN_ROWS = 30  # more than a screen is looked up in the tables, not read
 # Of a shown unit in that of the tables.
 SCALES = {"mΩ": 1e3, "mV": 1e3, "mA": 1e3, "%": 1e2, "kJ/mol": 1e-3}
@@ -52,8 +54,8 @@ def table_of(name, frame, spec) -> Table:
         frame = frame[frame[column] == value]
     read = spec["read"]
     if len(frame) > 1 and "doubt" in spec["columns"] and "doubt" in frame:
-        said = [doubt.split("; ") for doubt in frame["doubt"]]
-        shared = [one for one in said[0] if one and all(one in row for row in said)]
+        said = [doubts_in({"doubt": words}) for words in frame["doubt"]]
+        shared = [one for one in said[0] if all(one in row for row in said)]
         own = ["; ".join(one for one in row if one not in shared) for row in said]
         read += f" All in doubt: {'; '.join(shared)}." if shared else ""
         frame = frame.assign(doubt=own)

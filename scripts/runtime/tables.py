@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from cellwright.circuits.model_file import in_use
 from cellwright.health.summary import latest_health, reference_resistance, slowest_capacity
+from cellwright.messages import Said, doubt_columns, doubts_in
 from cellwright.numerics.statistics import pooled_rms
 from cellwright.records.facts import stated_capacity
 from runtime import artefact
@@ -148,7 +149,9 @@ def load_frame(path) -> "DataFrame":
     # Only an empty cell is unknown: a test may be called NA.
     settings = {"keep_default_na": False, "na_values": [""]}
     return frame_as_written(
-        read_csv(path, dtype={"cell": str, "test": str, "doubt": str}, **settings)
+        read_csv(
+            path, dtype={"cell": str, "test": str, "doubt": str, "doubt_codes": str}, **settings
+        )
     )
 
 
@@ -229,7 +232,7 @@ def _summary_row(facts, of_cell, model) -> dict:
         "missing_effect": _effects_named(missing),
         "in_one_line": _in_one_line(missing, scored),
         "exclusions": len(of_cell["excluded"]),
-        "doubt": _doubts(of_cell),
+        **_doubts(of_cell),
         "notes": "; ".join(notes),
     }
 
@@ -286,17 +289,19 @@ def _first_check_up(of_cell) -> dict:
     return {"of_check_up": True} | first if first else {}
 
 
-def _doubts(of_cell) -> str:
-    """What speaks against capacities and resistances of a cell, each with the names of tests."""
+def _doubts(of_cell) -> dict:
+    """Columns of what speaks against capacities and resistances of a cell, each with its tests."""
     said = {}
     for table in ("capacity", "resistance"):
         if "doubt" not in of_cell[table]:
             continue
         rows = of_cell[table][of_cell[table]["doubt"].notna()]
-        for test, words in zip(rows["test"], rows["doubt"], strict=True):
-            for part in words.split("; "):
-                said.setdefault(part, {})[test] = None
-    return "; ".join(f"{', '.join(tests)}: {words}" for words, tests in said.items())
+        for row in rows.to_dict("records"):
+            for one in doubts_in(row, table):
+                said.setdefault(one, {})[row["test"]] = None
+    return doubt_columns(
+        Said(f"{', '.join(tests)}: {one}", one.code) for one, tests in said.items()
+    )
 
 
 def _in_one_line(missing, scored) -> str | None:

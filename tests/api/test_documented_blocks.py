@@ -1,9 +1,9 @@
 """Blocks of the pages: Python runs as printed, sheets and settings are valid, commands exist.
 
-docs/api.md has a test of its own (test_documented.py), PyBaMM's example too (test_exports.py).
+Of their own have docs/api.md (test_documented.py), docs/recipes.md (test_recipes.py) and PyBaMM's
+example (test_exports.py).
 """
 
-import ast
 import json
 import re
 import shutil
@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import strings
 import truth
+from page_blocks import ROOT, TEXTS, blocks, value_of
 from small_cells import CELL
 
 import cellwright as cw
@@ -23,14 +24,7 @@ from cellwright.records.record import record_of
 from first_look.__main__ import main
 from runtime import settings, sheets
 
-ROOT = Path(__file__).resolve().parents[2]
 SCHEMAS = ROOT / "workflow" / "schemas"
-PAGES = [
-    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "config/README.md")),
-    *sorted((ROOT / "docs").rglob("*.md")),
-    *sorted((ROOT / "lab").glob("*.md")),
-]
-TEXTS = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PAGES}
 # How many blocks of Python of each page a test runs; a new one needs a test first.
 RUN = {
     "README.md": 1,
@@ -38,22 +32,10 @@ RUN = {
     "docs/architecture.md": 1,
     "docs/exports.md": 2,
     "docs/missing-effect-library.md": 1,
+    "docs/recipes.md": 5,
     "docs/tutorial.md": 1,
     "lab/methods.md": 1,
 }
-
-
-def blocks(page, language="python"):
-    """Contents of the blocks of a page in a language, in order."""
-    return re.findall(rf"^```{language}\n(.*?)^```", TEXTS[page], re.M | re.S)
-
-
-def value_of(block, names=None):
-    """Run a block as a notebook does; its last expression's value, else None. Fills names."""
-    tree, names = ast.parse(block), {} if names is None else names
-    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, "block", "exec"), names)
-    return last and eval(compile(ast.Expression(last.value), "block", "eval"), names)
 
 
 def test_every_block_of_python_has_a_test_that_runs_it():

@@ -159,4 +159,4 @@ def test_quantities_need_enough_temperatures():
 def test_a_point_has_the_doubts_of_its_tests_by_name():
     rows = [pulse(0.45, 0.002) | {"test": "t", "doubt": "drifts"}, pulse(0.55, 0.003)]
     points, _ = resistance_points(rows, delay_second=(10.0,), soc=(0.5,))
-    assert [point.doubt for point in points] == ["t: drifts"]
+    assert [point.doubts for point in points] == [("t: drifts",)]

@@ -14,6 +14,7 @@ from cellwright.laws.temperature import (
     is_usable,
     law_rows,
 )
+from cellwright.messages import Said
 from cellwright.numerics.lines import fit_line, inverse_temperature
 from cellwright.numerics.statistics import r_squared
 from cellwright.refusal import Refusal
@@ -232,7 +233,10 @@ def test_a_law_that_errs_more_than_the_mean_of_its_points_is_not_offered():
 
 
 def test_a_law_has_the_doubts_of_its_own_points_alone():
-    points = [Point("R", "Ohm", at, 2.0 - at / 50, doubt="a: drifts") for at in (0.0, 25.0, 40.0)]
+    points = [
+        Point("R", "Ohm", at, 2.0 - at / 50, doubts=(Said("a: drifts", "capacity.drifts"),))
+        for at in (0.0, 25.0, 40.0)
+    ]
     points += [Point("Q", "Ah", celsius, 2.0 + celsius / 100) for celsius in CELSIUS]
     rows, _ = law_rows(points)
     assert {(row["quantity"], row["doubt"]) for row in rows} == {("R", "a: drifts"), ("Q", "")}

@@ -87,7 +87,8 @@ def test_c_rates_under_ampere_are_told_by_their_roundness_and_their_answer():
     time, current, voltage = pulse(level=-7.5)  # 1.5C of 5 Ah
     (said,) = set(measure(time, current / 5, voltage, rated=5.0).rows["doubt"])
     volt = f"{25 * truth(0.55):.2g} V"
-    assert said == f"1C would move the voltage by {volt} at once: does the file hold C-rates?"
+    asks = "does the file hold C-rates in place of ampere?"
+    assert said == f"1C would move the voltage by {volt} at once: {asks}"
     assert not any(measure(time, current, voltage, rated=5.0).rows["doubt"])
     # A round current of a cell whose resistance is usual says nothing.
     time, current, voltage = pulse(level=-1.0)

@@ -83,7 +83,7 @@ def test_of_three_the_odd_one_out_is():
     rows = [capacity("a", 3.0, 0.5), capacity("b", 3.01, 0.5), capacity("odd", 2.6, 0.5)]
     said = doubts(rows)
     assert said[:2] == ["", ""]
-    assert "the same rate and 1 more test against it" in said[2]
+    assert "the same rate (and 1 more test against it)" in said[2]
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_no_older_cell_gives_more_at_one_rate():
     said = doubts(rows)
     assert said[0] == said[2] == said[3] == ""
     assert said[1] == (
-        "cu200 gives 4.2 Ah at cycle 200: no older cell gives more and 1 more test against it"
+        "cu200 gives 4.2 Ah at cycle 200: no older cell gives more (and 1 more test against it)"
     )
     rows[1] |= {"c_rate": 0.8}  # as a current that reads too low says
     assert doubts(rows) == said
@@ -252,7 +252,7 @@ def test_no_cell_rests_lower_at_a_higher_soc(volt, ampere, in_doubt):
     rows = [pulse(f"soc{100 * soc:.0f}", 3.0, soc, voltage_before_volt=v) for soc, v in rests]
     rows[0]["current_ampere"] = -ampere
     said = doubts(rows, "resistance")
-    assert ("rests at 3.950 V at 80% SoC and 1 more test" in said[0]) == in_doubt
+    assert ("rests at 3.950 V at 80% SoC (and 1 more test" in said[0]) == in_doubt
     assert said[1:] == ["", "", ""]
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cellwright.messages import Said, doubt_columns, doubts_in
 from cellwright.refusal import Refusal
+from cellwright.series.doubts import Doubt
 from cellwright_fmu.unit import archive
 from runtime import artefact, contract, job_inputs
 
@@ -342,9 +344,8 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
 
     def behind(*paths):
         about = artefact.behind(paths)
-        return about, job_inputs.doubt_in_words(
-            {"wildcards": {"cell": "A", "test": "drive"}} | about
-        )
+        doubts = job_inputs.doubts_behind({"wildcards": {"cell": "A", "test": "drive"}} | about)
+        return about, "; ".join(doubts)
 
     about, words = behind(size, spectrum)
     assert set(words.split("; ")) == {"A size: size is wrong", "A eis: eis is wrong"}
@@ -356,11 +357,36 @@ def test_a_doubt_moves_what_is_fitted_to_its_record_or_made_of_its_number_and_no
     assert behind(model)[1] == "A pulses: pulses is wrong"
     assert behind(before)[1] == ""
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0])
-    shown = job_inputs.doubt_in_words(artefact.read_about(score))
-    assert shown == "A pulses: pulses is wrong"
-    assert job_inputs.doubt_in_words(artefact.read_about(score), {"pulses"}) == ""
+    shown = job_inputs.doubts_behind(artefact.read_about(score))
+    assert shown == ["A pulses: pulses is wrong"]
+    assert job_inputs.doubts_behind(artefact.read_about(score), {"pulses"}) == []
     own = {"doubts": {"A pulses": "pulses is wrong", "A drive": "it drifts"}}
     score = made(f"{stages}/validation/A/drive.parquet", "drive", **behind(model)[0] | own)
-    assert job_inputs.own_doubt(artefact.read_about(score)) == "it drifts"
+    assert job_inputs.own_doubts(artefact.read_about(score)) == ["it drifts"]
     searched = made("results/missing_effect/A/model.json", doubts={}, records=["A eis"])
     assert artefact.behind([searched])["records"] == []
+
+
+def test_a_doubt_has_its_code_from_the_record_to_every_table_behind_it(snakemake):
+    """Of rows with several sentences each keeps its own; what a test is known for is told once."""
+    stages = "results/stages"
+    told = {"doubt": np.array(["", "it drifts; it is coarse"]), "soc": np.zeros(2)}
+    told["doubt_codes"] = np.array(["", "capacity.drifts;capacity.coarse"])
+    assert artefact.doubts_told(told, "eis") == ["it drifts", "it is coarse"]
+    flags = {"doubt": np.array([0, Doubt.CLOCK | Doubt.SIGN], np.int16)}
+    assert [one.code for one in artefact.doubts_told(flags, "clean")] == ["row.clock", "row.sign"]
+    path = made(f"{stages}/clean/A/pulses.parquet", "pulses")
+    about = {"doubts": {"A pulses": "it drifts; it is coarse"}}
+    about["doubt_codes"] = {"A pulses": "capacity.drifts;capacity.coarse"}
+    made(path, "pulses", **about)
+    of_drive = {"wildcards": {"cell": "A", "test": "drive"}} | artefact.behind([path])
+    found = doubt_columns(job_inputs.doubts_behind(of_drive))
+    assert found["doubt"] == "A pulses: it drifts; A pulses: it is coarse"
+    assert found["doubt_codes"] == "capacity.drifts;capacity.coarse"
+
+
+def test_an_entry_of_a_column_of_doubts_holds_no_separator():
+    (entry,) = doubts_in(doubt_columns([Said("a rest; a load", "half.by_rest")]))
+    assert (entry, entry.code) == ("a rest, a load", "half.by_rest")
+    with pytest.raises(ValueError, match="zip"):
+        doubts_in({"doubt": "a; b", "doubt_codes": "one"})

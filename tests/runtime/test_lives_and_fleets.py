@@ -12,7 +12,7 @@ from runtime import artefact, contract, job_inputs, type_inputs
 def rating(size, ohm, cycle=0.0):
     blank = dict.fromkeys(contract.stages()["checkups"]["columns"], np.nan)
     blank = {name: value for name, value in blank.items() if not name.startswith("sheet_")}
-    words = dict.fromkeys(("direction", "soh_reference", "reason", "doubt"), "")
+    words = dict.fromkeys(("direction", "soh_reference", "reason", "doubt", "doubt_codes"), "")
     known = {"cycle": cycle, "capacity_ampere_hour": size, "first_delay_second": 0.01}
     means = dict.fromkeys(("resistance_mean_ohm", "resistance_mean_1s_ohm"), ohm)
     return blank | words | known | means
@@ -25,7 +25,13 @@ def checked(saved):
     for place in range(9):
         ohm = 4e-3 - 1e-4 * place + 1e-6 * (place % 3)
         about = {"cycle": 0.0, "direction": "discharge", "delay_second": 0.0}
-        about |= {"resistance_ohm": ohm, "factor": 1.0, "factor_std": 0.0, "doubt": ""}
+        about |= {
+            "resistance_ohm": ohm,
+            "factor": 1.0,
+            "factor_std": 0.0,
+            "doubt": "",
+            "doubt_codes": "",
+        }
         growth = [about | {"soc": soc} for soc in (0.2, 0.5, 0.8)]
         refused = "no capacity and no resistance" if place == 8 else None
         found = refused or [rating(20.0 + place, ohm)]

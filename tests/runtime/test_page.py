@@ -91,7 +91,8 @@ def test_a_bad_test_shows_its_reason_and_a_note_its_tests(job):
 
 def test_what_is_said_of_many_in_the_same_words_is_said_once():
     notes = ["a, quadratic: no scatter", "b, quadratic: no scatter", "c: other", "alone"]
-    abouts = [{"notes": notes, "wildcards": {"test": "x"}}]
+    of = ["a, quadratic", "b, quadratic", "", ""]
+    abouts = [{"notes": notes, "notes_of": of, "wildcards": {"test": "x"}}]
     texts = [note["text"] for note in page._notes(abouts)]
     assert texts == ["a, quadratic; b, quadratic: no scatter", "c: other", "alone"]
 

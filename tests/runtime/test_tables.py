@@ -10,7 +10,7 @@ from contract_rows import row_of
 from cellwright.refusal import Refusal
 from runtime import artefact, job_inputs, provenance, tables
 
-ROW = row_of("ica", peak=1)
+ROW = row_of("ica", peak=1, doubt="it was paused")
 GOOD, BAD, AFTER = (f"results/stages/ica/A/{name}.parquet" for name in ("good", "bad", "after"))
 
 
@@ -26,7 +26,8 @@ def campaign(saved, snakemake):
 def test_rows_carry_cell_test_and_facts(campaign):
     facts = {"A/good": {"cycle": 100, "ambient_temperature_celsius": 25}}
     rows = job_inputs.rows_of([GOOD, BAD], facts)
-    assert rows == [{"cell": "A", "test": "good"} | facts["A/good"] | ROW]
+    told = {"doubt_codes": "ica"}  # it has none of its own
+    assert rows == [{"cell": "A", "test": "good"} | facts["A/good"] | ROW | told]
 
 
 def test_a_row_of_several_tests_has_blanks_where_others_have_their_test(saved):

@@ -10,8 +10,8 @@ from cellwright.series.doubts import (
     against_counter,
     beyond_cutoffs,
     counter_digit,
+    doubts_said,
     drawn_beyond,
-    in_words,
     is_negative_electrode,
     unanswered,
 )
@@ -186,8 +186,8 @@ def test_first_rows_may_still_be_raised_by_a_charge_before_the_record():
 
 def test_flags_are_said_in_words_of_the_rows_they_touch():
     doubt = np.array([0, Doubt.CLOCK, 0, Doubt.SIGN | Doubt.CLOCK])
-    assert in_words(doubt, slice(0, 1)) == in_words(None) == ""
-    assert in_words(doubt).count(";") == 1
+    assert doubts_said(doubt, slice(0, 1)) == doubts_said(None) == []
+    assert [one.code for one in doubts_said(doubt)] == ["row.clock", "row.sign"]
 
 
 @pytest.mark.parametrize(
@@ -205,8 +205,9 @@ def test_a_thermometer_that_shows_zero_for_a_stretch_shows_nothing(columns):
     columns["surface_temperature_celsius"] = celsius
     cleaned = clean(columns).columns
     assert np.nanmean(cleaned["surface_temperature_celsius"]) == pytest.approx(27.8)
-    assert in_words(cleaned["doubt"], slice(100, 600)).endswith("for a while (60% of the rows)")
-    assert not in_words(cleaned["doubt"], slice(0, 190))
+    (told,) = doubts_said(cleaned["doubt"], slice(100, 600))
+    assert told.endswith("for a while (60% of the rows)")
+    assert not doubts_said(cleaned["doubt"], slice(0, 190))
 
 
 def test_a_zero_beside_a_cold_cell_is_told_by_how_long_it_stands(columns):

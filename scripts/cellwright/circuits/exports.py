@@ -86,8 +86,8 @@ def particle_tables(model):
     tables : dict of capacity_ampere_hour, identified_soc, soc and ocv_volt (lists), shell_faces
         (radii, of 1 at the surface), celsius with missing and stretch (lists over temperature),
         reference_celsius and bend_celsius of the Arrhenius laws, stop_widths of the hysteresis
-        (over the capacity), numbers (by name) and courses (by name: soc and value). PARTS of circuits/particle.py tells names, units and what is linear in
-        the logarithm.
+        (over the capacity), numbers (by name) and courses (by name: soc and value). PARTS of
+        circuits/particle.py tells names, units and what is linear in the logarithm.
     """
     document = model["particle"]
     cell, courses = particle.of_document(document), {}

@@ -27,9 +27,10 @@ from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import worsened
 from cellwright.effects.story.result import Finding
 from cellwright.effects.story.sizes import Fitted, sizes_as_used
-from cellwright.effects.story.words import next_test, paragraph
+from cellwright.effects.story.words import name_of_effect, next_test, paragraph
 from cellwright.effects.verdict import CONTRADICTED, outcome, sizes_of_names, verdict_of
 from cellwright.effects.witnesses.collected import Others, contradicted, measured_of
+from cellwright.messages import said_of
 from cellwright.numerics.least_squares import covariances, fit, stds
 from cellwright.records import inputs
 from cellwright.records.facts import CellFacts
@@ -243,7 +244,11 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         _evidence(found, result),
         _series(case, socs, first, result.last, found.filters),
         model,
-        tuple(f"{n} cannot be told: needs {', '.join(w)}" for n, w in unexcited.items() if w),
+        tuple(
+            said_of(f"{name_of_effect(name, library)} cannot be told", f"needs {', '.join(wanted)}")
+            for name, wanted in unexcited.items()
+            if wanted
+        ),
     )
 
 

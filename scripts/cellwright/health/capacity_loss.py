@@ -6,6 +6,7 @@ import numpy as np
 
 from cellwright.laws.law import law_row
 from cellwright.laws.points import first_check_up
+from cellwright.messages import said_of
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records import inputs
 from cellwright.records.anchor import tells_repeats
@@ -293,7 +294,9 @@ def _of_direction(points, reference, repeat_ampere_hour):
     losses = [_loss(point, reference, true_losses, repeat_ampere_hour) for point in points]
     unknown = sorted({loss["temperature_celsius"] for loss in losses if not loss["known"]})
     wanted = f"no {reference.direction} at up to {SLOW_C_RATE:g}C"
-    notes = [f"{wanted} at {c:g} °C: true or false cannot be told there" for c in unknown]
+    notes = [
+        said_of(f"{wanted} at {c:g} °C", "true or false cannot be told there") for c in unknown
+    ]
     if reference.c_rate > SLOW_C_RATE:
         at = f"{wanted} at {reference.temperature_celsius:g} °C: the reference is the one at"
         notes.append(f"{at} {reference.c_rate:.2g}C, so a loss that it has too is not seen")

@@ -4,11 +4,11 @@ import numpy as np
 
 from cellwright.health.fleet import mean_over_soc
 from cellwright.laws.points import (
-    doubt_of_test,
+    doubts_of_test,
     grouped,
-    joined_doubts,
     pulses_of_kind,
 )
+from cellwright.messages import doubt_columns
 from cellwright.records import inputs
 from cellwright.records.conditions import checkups_of, grouped_alike, same_rate, same_temperature
 from cellwright.records.facts import stated_capacity
@@ -81,7 +81,7 @@ def ratings_of(capacities, resistances, facts, throughputs):
             | _efficiency(tests, counted.get(cycle))
             | _power(pulses, facts.lower_cutoff_volt, facts.upper_cutoff_volt)
             | {"throughput_ampere_hour": _throughput(throughputs, cycle)}
-            | {"doubt": _doubts_of([counted.get(cycle), *pulses])}
+            | {"doubts": _doubts_of([counted.get(cycle), *pulses])}
         )
     notes += _as_stated(rows[0], doubts, rated, facts.state_of_health)
     found = []
@@ -89,14 +89,15 @@ def ratings_of(capacities, resistances, facts, throughputs):
         reason = doubts.get(row["cycle"], "")
         soh, reason = _soh(row, rows[0], rated, reason)
         changes = {new: float(row[name] / rows[0][name] - 1) for name, new in CHANGES.items()}
-        doubt = joined_doubts([row["doubt"], rows[0]["doubt"]])
-        found.append(row | soh | changes | {"reason": reason, "doubt": doubt})
+        doubts_of_both = doubt_columns([*row["doubts"], *rows[0]["doubts"]])
+        kept = {name: value for name, value in row.items() if name != "doubts"}
+        found.append(kept | soh | changes | {"reason": reason} | doubts_of_both)
     return found, notes
 
 
 def _doubts_of(rows):
-    """What speaks against rows of tests (None: no such row), each with its test, in words."""
-    return joined_doubts(doubt_of_test(row) for row in rows if row)
+    """What speaks against rows of tests (None: no such row), each with its test: list of Said."""
+    return [one for row in rows if row for one in doubts_of_test(row)]
 
 
 def _cycle(row):
@@ -345,5 +346,5 @@ def _growth(cycle, row, fresh, unsure):
         "resistance_ohm": row["resistance_ohm"],
         "factor": float(factor),
         "factor_std": float(std),
-        "doubt": joined_doubts([_doubts_of([row]), unsure]),
+        **doubt_columns([*_doubts_of([row]), *unsure]),
     }

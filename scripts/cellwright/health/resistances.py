@@ -25,7 +25,8 @@ def resistances_of_cell(pulses, spectra, model, verdict):
     Returns
     -------
     rows : list of dict: name, resistance_ohm, resistance_std_ohm, over_r0 (ratio to R0), test,
-        soc, current_ampere, delay_second, ambient_temperature_celsius, doubt, definition; R0 first.
+        soc, current_ampere, delay_second, ambient_temperature_celsius, doubt, doubt_codes,
+        definition; R0 first.
     """
     pulse = reference_resistance(pulses)
     rows = _of_pulse(pulse, pulses) if pulse else []
@@ -45,6 +46,7 @@ def _row(name, definition, ohm, std=None, **at):
         "delay_second",
         "ambient_temperature_celsius",
         "doubt",
+        "doubt_codes",
     )
     row = {"name": name, "resistance_ohm": ohm, "resistance_std_ohm": std}
     told = {"definition": say(f"resistance.{definition}")}
@@ -63,7 +65,7 @@ def _of_pulse(pulse, pulses):
         at = {name: row[name] for name in ("test", "soc", "current_ampere")}
         at |= {"delay_second": row["actual_delay_second"]}
         at |= {"ambient_temperature_celsius": row["ambient_temperature_celsius"]}
-        at |= {"doubt": row.get("doubt")}
+        at |= {name: row.get(name) for name in ("doubt", "doubt_codes")}
         first = row["delay_second"] == 0
         name, definition = (R0, "first") if first else (LATER.format(row["delay_second"]), "later")
         rows.append(_row(name, definition, row["resistance_ohm"], row["resistance_std_ohm"], **at))
@@ -131,7 +133,7 @@ def _of_spectrum(spectra):
         return []
     row = min(alike, key=lambda row: abs(row["soc"] - 0.5))
     at = {name: row[name] for name in ("test", "soc", "ambient_temperature_celsius")}
-    at |= {"doubt": row.get("doubt")}
+    at |= {name: row.get(name) for name in ("doubt", "doubt_codes")}
     rows = [_row("spectrum, ohmic", "spectrum", row["r_ohmic_ohm"], row["r_ohmic_ohm_std"], **at)]
     both, std = row["r_before_diffusion_ohm"], row["r_before_diffusion_ohm_std"]
     if both is not None:

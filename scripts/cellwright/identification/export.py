@@ -7,6 +7,7 @@ from cellwright.circuits.model_file import in_use, plain_member
 from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.identification.compensation import temperature_table
 from cellwright.identification.messages import say
+from cellwright.messages import said_of
 from cellwright.records import inputs
 from cellwright.result import Result
 
@@ -22,7 +23,7 @@ def export_model(model, *, validation=()):
     """
     model, errors = given.model(model), validation_errors(inputs.rows(validation))
     document, member = pybamm_document(model, errors), plain_member(model)
-    notes = [f"{name} is not exported: {why}" for name, why in document["refused"].items()]
+    notes = [said_of(f"{name} is not exported", why) for name, why in document["refused"].items()]
     for entry in model["members"]:
         with_blocks = entry.get("companions", {"with": entry})["with"]
         notes += [f"{entry['model']}, not exported: {words}" for words in words_of(with_blocks)]

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.messages import Said, doubts_in, said_of
 from cellwright.records.conditions import SAME_SOC, in_first_checkup, same_rate
 from cellwright.settings import Temperature
 
@@ -16,7 +17,7 @@ class Point(NamedTuple):
     """One quantity at one temperature; `quantity` says what, at which SoC, delay and rate.
 
     std : of the value from its own measurement, NaN where not known. family : quantities that
-    differ in SoC only. soc : NaN where the quantity has none. doubt : what speaks against the
+    differ in SoC only. soc : NaN where the quantity has none. doubts : what speaks against the
     tests that it is from, each by its name.
     """
 
@@ -27,20 +28,13 @@ class Point(NamedTuple):
     std: float = np.nan
     family: str = ""
     soc: float = np.nan
-    doubt: str = ""
+    doubts: tuple = ()
 
 
-def joined_doubts(doubts):
-    """Doubts in one text, each once; "" where there are none."""
-    return "; ".join(dict.fromkeys(filter(None, doubts)))
-
-
-def doubt_of_test(row):
-    """What speaks against a row of a test, with the test's name where it has one."""
-    words, test = row.get("doubt"), row.get("test")
-    if not isinstance(words, str):
-        return ""
-    return f"{test}: {words}" if words and test else words
+def doubts_of_test(row):
+    """What speaks against a row of a test, with the test's name where it has one: tuple of Said."""
+    test = row.get("test")
+    return tuple(Said(f"{test}: {one}" if test else one, one.code) for one in doubts_in(row))
 
 
 def capacity_points(rows):
@@ -59,8 +53,9 @@ def capacity_points(rows):
             continue
         rate = _rate_seen(row["c_rate"], rates)
         celsius, value = row["ambient_temperature_celsius"], row["capacity_ampere_hour"]
-        quantity, doubt = f"capacity at {rate:.2g}C", doubt_of_test(row)
-        points.append(Point(quantity, "Ah", celsius, value, family="capacity", doubt=doubt))
+        quantity = f"capacity at {rate:.2g}C"
+        about = {"family": "capacity", "doubts": doubts_of_test(row)}
+        points.append(Point(quantity, "Ah", celsius, value, **about))
     return points
 
 
@@ -110,8 +105,8 @@ def impedance_points(rows):
             soc, celsius = level[row["soc"]], row["ambient_temperature_celsius"]
             quantity = f"{what} at {100 * soc:.0f} % SoC, {how}"
             value, std = row[column], row[f"{column}_std"]
-            family, doubt = f"{what}, {how}", doubt_of_test(row)
-            points.append(Point(quantity, "Ohm", celsius, value, std, family, soc, doubt))
+            family, doubts = f"{what}, {how}", doubts_of_test(row)
+            points.append(Point(quantity, "Ohm", celsius, value, std, family, soc, doubts))
         vague = len(with_soc) - len(determined)
         count = f"{vague} of {len(with_soc)} spectra"
         notes += [f"{what}, {how}: {count} do not determine it"] if vague else []
@@ -159,7 +154,7 @@ def mean_per_temperature(points):
         run[0]._replace(
             value=float(np.mean([point.value for point in run])),
             std=float(np.sqrt(np.sum([point.std**2 for point in run])) / len(run)),
-            doubt=joined_doubts(point.doubt for point in run),
+            doubts=tuple(dict.fromkeys(one for point in run for one in point.doubts)),
         )
         for run in runs.values()
     ]
@@ -224,10 +219,10 @@ def resistance_points(rows, *, delay_second=TEMPERATURE.delay_second, soc=TEMPER
         what, when = resistance_name(direction, delay)
         quantity, family = f"{what} at {100 * level:.0f} % SoC, {when}", f"{what}, {when}"
         points += [
-            Point(quantity, "Ohm", celsius, ohm, std, family, level, doubt)
-            for celsius, (ohm, std, doubt) in sorted(chosen.items())
+            Point(quantity, "Ohm", celsius, ohm, std, family, level, doubts)
+            for celsius, (ohm, std, doubts) in sorted(chosen.items())
         ]
-        notes += [f"{quantity}: {note}"] if note else []
+        notes += [said_of(quantity, note)] if note else []
     return points, notes
 
 
@@ -310,12 +305,12 @@ def _interpolated(rows, level):
         return (
             float(ohm + more),
             float(np.hypot(std, other)),
-            joined_doubts(map(doubt_of_test, (low, high))),
+            tuple(dict.fromkeys([*doubts_of_test(low), *doubts_of_test(high)])),
         )
     nearest = min(rows, key=lambda row: abs(row["soc"] - level))
     if abs(nearest["soc"] - level) > 0.05:
         return None
-    return *(nearest[name] for name in RESISTANCE), doubt_of_test(nearest)
+    return *(nearest[name] for name in RESISTANCE), doubts_of_test(nearest)
 
 
 RESISTANCE = ("resistance_ohm", "resistance_std_ohm")
@@ -339,11 +334,11 @@ def fast_charge_points(rows):
     )
     rates, points = [], []
     for row in charges:
-        celsius, doubt = row["ambient_temperature_celsius"], doubt_of_test(row)
+        celsius, doubts = row["ambient_temperature_celsius"], doubts_of_test(row)
         # The set current shows at warm temperatures; in the cold the voltage cuts it at once.
         rate = _rate_seen(row["c_rate"], rates, or_less=True)
         points += [
-            Point(f"{name} at up to {rate:.2g}C", unit, celsius, value, doubt=doubt)
+            Point(f"{name} at up to {rate:.2g}C", unit, celsius, value, doubts=doubts)
             for name, unit, value in _quantities(row)
             if value > 0
         ]

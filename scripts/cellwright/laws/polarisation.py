@@ -8,6 +8,7 @@ import numpy as np
 from cellwright.laws.law import Form, choose, fit_law, rows_of, with_more
 from cellwright.laws.points import first_check_up, grouped
 from cellwright.laws.temperature import fit_laws
+from cellwright.messages import said_of
 from cellwright.records import inputs
 from cellwright.records.conditions import grouped_alike
 from cellwright.refusal import Refusal
@@ -220,7 +221,7 @@ def _fit_or_reason(laws, reasons, name, fit, axis, value, unit):
     try:
         laws[name] = fit(axis, value, unit=unit)
     except Refusal as refusal:
-        reasons.append(f"{name}: {refusal}")
+        reasons.append(said_of(name, refusal))
 
 
 def _alike(first, other):

@@ -32,6 +32,7 @@ from cellwright.laws.surface_forms import (
     separability,
 )
 from cellwright.laws.temperature import falling_range, is_usable, turn_in_words
+from cellwright.messages import said_of
 from cellwright.numerics.statistics import r_squared, rms, t_interval
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
@@ -320,7 +321,7 @@ def surfaces(rows, *, delay_second=TEMPERATURE.delay_second):
         try:
             tests = separability(*pulses[1:])
         except Refusal as refusal:
-            reasons.append(f"{pulses.quantity}: {refusal}")
+            reasons.append(said_of(pulses.quantity, refusal))
             tests = []
         fits.append((pulses, fit_surfaces(pulses), tests))
     if not fits:

@@ -10,11 +10,11 @@ from cellwright.laws.points import (
     fast_charge_points,
     grouped,
     impedance_points,
-    joined_doubts,
     mean_per_temperature,
     resistance_points,
     with_enough_temperatures,
 )
+from cellwright.messages import doubt_columns, said_of
 from cellwright.numerics.lines import (
     REFERENCE_KELVIN,
     ZERO_CELSIUS_KELVIN,
@@ -305,9 +305,9 @@ def law_rows(points):
                 names=LAWS_OF_FAMILY.get(quantity_points[0].family, LAWS),
             )
         except Refusal as refusal:
-            reasons.append(f"{quantity}: {refusal}")
+            reasons.append(said_of(quantity, refusal))
             continue
-        reasons += [f"{quantity}, {law.law} law: {law.reason}" for law in laws if law.reason]
+        reasons += [said_of(f"{quantity}, {law.law} law", law.reason) for law in laws if law.reason]
         best = next(law for law in laws if law.chosen)
         if best.r_squared < 0:
             laws = [law._replace(chosen=False) for law in laws]
@@ -315,7 +315,7 @@ def law_rows(points):
                 f"{quantity}: no law is offered; the best, {best.law}, errs more than the mean of "
                 f"the points (R² {best.r_squared:.2g})"
             )
-        against = {"doubt": joined_doubts(point.doubt for point in quantity_points)}
+        against = doubt_columns(one for point in quantity_points for one in point.doubts)
         rows += [row | against for law in laws for row in rows_of(quantity, law)]
         # Of a family one sentence says what ends its quadratics, not one a SoC.
         (quadratic,) = (law for law in laws if law.law == "quadratic")

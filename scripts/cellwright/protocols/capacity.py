@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 
+from cellwright.messages import doubt_columns
 from cellwright.protocols.balance import balance_of, inserting_sign, unsure_of_count
 from cellwright.protocols.capacity_doubts import doubts_of, mode_in_words
 from cellwright.protocols.coarse import coarsest_digit_ampere, unsure_of_digit
@@ -77,9 +78,10 @@ def capacity(
     Returns rows: columns (k,) of stage `capacity`, one entry a direction, rate and temperature:
     means over the repeats of charge [Ah], energy [Wh], rate [1/h], efficiency [1], and their
     standard deviations; constant_current_ampere_hour is the part before the voltage was held; doubt
-    says in words what speaks against the number, "" where nothing does. Half cycles that are
-    incomplete, of unsure start or at a constant power or resistance are in the notes. Raises
-    Refusal: no complete charge or discharge; the reasons are named. Source: docs/capacity.md.
+    says in words what speaks against the number, "" where nothing does, doubt_codes in codes. Half
+    cycles that are incomplete, of unsure start or at a constant power or resistance are in the
+    notes. Raises Refusal: no complete charge or discharge; the reasons are named.
+    Source: docs/capacity.md.
     """
     series, steps = inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
     columns, time = columns_of(series), np.asarray(series["test_time_second"], float)
@@ -334,5 +336,5 @@ def _row(halves, rated):
         "rested_std_ampere_hour": rested_std,
         "rest_before_volt": means["rest_before_volt"],
         "rest_after_volt": means["rest_after_volt"],
-        "doubt": "; ".join(dict.fromkeys(words for half in halves for words in half["doubt"])),
+        **doubt_columns(words for half in halves for words in half["doubt"]),
     }

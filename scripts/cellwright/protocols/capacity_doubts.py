@@ -1,13 +1,15 @@
 """What speaks against a capacity: its own rows, the other half of its cycle, the sheet.
 
-Each function gives sentences; none changes a number.
+Each function gives sentences with their codes (`Said`); none changes a number.
 """
 
 import numpy as np
 
+from cellwright.messages import Said, doubts_in
 from cellwright.protocols.balance import LOST_SHARE
 from cellwright.protocols.half_cycles import NAMES, NEAR_VOLT, main_load
-from cellwright.series.doubts import RATING_SHARE, in_words
+from cellwright.protocols.messages import say
+from cellwright.series.doubts import RATING_SHARE, doubts_said
 from cellwright.series.steps import LEAST_HELD_ROWS, constant_current_end, held_quantity
 
 COARSE_SHARE = LOST_SHARE  # of a charge: less that a start or a digit hides is not told
@@ -21,7 +23,7 @@ THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated t
 
 
 def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
-    """All that speaks against the capacity of a half cycle, sentences.
+    """Reasons to distrust the capacity of this half cycle: list of Said.
 
     Parameters
     ----------
@@ -34,7 +36,7 @@ def doubts_of(half, partner, row, columns, steps, limits, doubt, sheet):
     return [
         *_of_its_rows(half, columns, steps, limits, doubt),
         *([] if partner is None else _of_partner(partner, doubt)),
-        *[half.words] * _begins_unsure(half),
+        *(_of_start(half) if _begins_unsure(half) else []),
         *_of_balance(half, partner, row["off"]),
         *_of_digit(row),
         *_of_sheet(row, *sheet),
@@ -47,25 +49,27 @@ def _begins_unsure(half):
     return bool(half.words and (half.under_load or unsure))
 
 
+def _of_start(half):
+    """What an unsure start is known from: list of Said."""
+    told = doubts_in({"doubt": half.words, "doubt_codes": half.code})
+    return [Said(one, f"half.{one.code}") for one in told]
+
+
 def _of_its_rows(half, columns, steps, limits, doubt):
     """What the rows of a half cycle themselves say against it, in words."""
     current, voltage, _ = columns
-    said = [in_words(doubt, _own_rows(half))]
+    said = doubts_said(doubt, _own_rows(half))
     # The last row itself may lie anywhere beyond: a steep end between two rows.
     limit, end = limits[half.sign > 0], float(voltage[half.last_row - 1])
     if half.sign * (end - limit) > BEYOND_VOLT:
-        said.append(f"its load goes on to {end:.3f} V, beyond the stated cut-off of {limit:g} V")
+        said.append(say("capacity.beyond", end=end, limit=limit))
     rows = _constant_rows(half, columns, steps, limit)
     if (drift := _drift(np.abs(current[rows]))) and not held_quantity(current[rows], voltage[rows]):
-        said.append(
-            f"its current drifts from {drift[0]:.4g} to {drift[1]:.4g} A: a tester holds it"
-        )
+        said.append(say("capacity.drifts", begun=drift[0], ended=drift[1]))
     left = abs(float(current[-1]))
     if half.last_row == len(current) - 1 and steps.cv_first_row[half.loads[-1]] >= 0:
-        said += [f"the record ends inside the hold, at {left:.3g} A"] * _unfinished(
-            left, half, steps
-        )
-    return [words for words in said if words]
+        said += [say("capacity.unfinished", ampere=left)] * _unfinished(left, half, steps)
+    return said
 
 
 def mode_in_words(half, columns, steps, limits):
@@ -108,8 +112,10 @@ def _own_rows(half):
 
 def _of_partner(partner, doubt):
     """What speaks against the other half of the cycle, and so against the efficiency."""
-    said = in_words(doubt, _own_rows(partner))
-    return [f"in the {NAMES[partner.sign]} of its cycle {said}"] * bool(said)
+    return [
+        say("capacity.other_half", half=NAMES[partner.sign], what=what)
+        for what in doubts_said(doubt, _own_rows(partner))
+    ]
 
 
 def _unfinished(left, half, steps):
@@ -121,16 +127,14 @@ def _of_balance(half, partner, off):
     """That the other half of a cycle moves another charge, in words."""
     if not off > 0:
         return []
-    other = f"the {NAMES[-half.sign]} of its cycle moves {partner.moved_ampere_hour:.4g} Ah"
-    size = f"{off:.2g} Ah ({off / half.moved_ampere_hour:.1%})"
-    return [f"{other}: {size} further from it than their ends explain"]
+    share, moved = off / half.moved_ampere_hour, partner.moved_ampere_hour
+    return [say("capacity.balance", half=NAMES[-half.sign], moved=moved, off=off, share=share)]
 
 
 def _of_digit(row):
     """That the current is read too coarsely, in words: its error is up to √3 of its deviation."""
     share = np.sqrt(3.0) * row["digit_of_cycle"] / row["capacity_ampere_hour"]
-    said = f"the current of its cycle is read so coarsely that {share:.1%} may be missing"
-    return [said] if share > COARSE_SHARE else []
+    return [say("capacity.coarse", share=share)] if share > COARSE_SHARE else []
 
 
 def _of_sheet(row, rated, celsius):
@@ -145,9 +149,9 @@ def _of_sheet(row, rated, celsius):
         little = share < RATING_SHARE[0] and slow
         if little or share > RATING_SHARE[1]:
             alike = abs(row["capacity_ampere_hour"] - 1) < 0.1
-            c_rate = ": does the file hold C-rates under ampere?" if alike else ""
-            said.append(f"it is {share:.3g} times the rating of {rated:g} Ah{c_rate}")
+            name = "c_rates" if alike else "rating"
+            said.append(say(f"capacity.{name}", share=share, rated=rated))
     started = row["temperature_start_celsius"]
     if celsius is not None and abs(started - celsius) > THERMOMETER_KELVIN:
-        said.append(f"the cell begins at {started:.3g} °C, the sheet says {celsius:g} °C")
+        said.append(say("capacity.chamber", started=started, celsius=celsius))
     return said

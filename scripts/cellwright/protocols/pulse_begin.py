@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.messages import say
+
 # Of the rows' own intervals: rows of one pace may miss a beat of it; of fewer rows none is known.
 LATE_SHARE, LEAST_REST_ROWS = 1.5, 5
 LEAST_PULSES, FAR_LATER = 3, 10.0  # that show how one instrument logs the edge of a pulse
@@ -51,8 +53,7 @@ def late_among_others(intervals_second):
     known = intervals[np.isfinite(intervals)]
     usual = float(np.median(known)) if len(known) >= LEAST_PULSES else np.inf
     return [
-        f"its first sample comes {interval:.3g} s after the rest, those of the record's other "
-        f"pulses {usual:.3g} s: rows are missing"
+        say("resistance.later_than_others", second=interval, usual=usual)
         if interval > FAR_LATER * usual
         else ""
         for interval in intervals
@@ -65,9 +66,8 @@ def _lacking(rest_intervals, interval, pace):
     A logger that waits for a change may leave its longest interval at the end of the rest.
     """
     longest = max(pace, float(np.max(rest_intervals[-LEAST_REST_ROWS:])))
-    late = f"its first sample comes {interval:.3g} s after the rest"
-    words = f"{late}, where rows lie {longest:.3g} s apart at most: rows are missing"
-    return words if interval > LATE_SHARE * longest else ""
+    said = say("resistance.rows_missing", second=interval, longest=longest)
+    return said if interval > LATE_SHARE * longest else ""
 
 
 def _unsure_of_start(delay, ratio, interval, pace):

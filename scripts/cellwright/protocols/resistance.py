@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.messages import Said, doubt_columns
 from cellwright.numerics.noise import least_digit
 from cellwright.numerics.relaxing import Drift, drift_of_rest
 from cellwright.numerics.statistics import robust_std
 from cellwright.protocols import counted, not_elsewhere
 from cellwright.protocols.balance import SIGMAS
 from cellwright.protocols.coarse import coarsest_digit_ampere, may_be_cut
+from cellwright.protocols.messages import say
 from cellwright.protocols.pulse_begin import Begin, begin_of, late_among_others
 from cellwright.protocols.pulse_edges import (
     AT_A_ROW,
@@ -28,7 +30,7 @@ from cellwright.records.basis import state_of_charge
 from cellwright.records.repeats import steps_elsewhere
 from cellwright.refusal import Refusal
 from cellwright.result import Result
-from cellwright.series.doubts import WORDS, Doubt, in_words, unlike_size
+from cellwright.series.doubts import Doubt, doubts_said, said, unlike_size
 from cellwright.series.steps import (
     EDGE_C_RATE,
     EDGE_SHARE,
@@ -153,7 +155,7 @@ def pulse_resistance(
     # Cut, not rounded, a current lacks up to a digit, and so does its step from a true zero.
     read = digits[1] * (np.sqrt(2) if may_be_cut(digits[1]) else 1.0)
     noise = _noise(voltage, steps, digits[0]), _noise(current, steps, read)
-    rows, reasons = [], Counter()
+    rows, doubts, reasons = [], [], Counter()
     chosen = not_elsewhere(chosen, elsewhere, "pulse", reasons)
     least = np.sqrt(2) * noise[0]
     pulses = []
@@ -177,49 +179,49 @@ def pulse_resistance(
         off = np.hypot(current_accuracy_share, offset) / np.sqrt(3.0) * row["resistance_ohm"]
         parts = [row["resistance_std_ohm"], off, pulse.begun.unsure_ohm * (delay == 0)]
         row["resistance_std_ohm"] = np.linalg.norm(parts)
-        said = in_words(
-            series.get("doubt"), slice(pulse.before, pulse.before + 2 + len(pulse.rows.delay))
-        )
-        words = [said, pulse.begun.lacking or later, _too_coarse(digits[1], pulse.step)]
-        row["doubt"] = "; ".join(filter(None, words))
+        taken = slice(pulse.before, pulse.before + 2 + len(pulse.rows.delay))
+        own = doubts_said(series.get("doubt"), taken)
+        own += [pulse.begun.lacking or later, _too_coarse(digits[1], pulse.step)]
+        doubts.append(list(filter(None, own)))
         rows.append(row)
     if not rows:
         raise Refusal(f"no pulse gives a resistance: {'; '.join(counted(reasons))}")
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    columns["doubt"] = np.array(_doubts(columns, rated, against_soc), dtype=str)
+    told = [doubt_columns(one) for one in _doubts(columns, doubts, rated, against_soc)]
+    columns |= {name: np.array([row[name] for row in told], dtype=str) for name in told[0]}
     reasons.update(FIRST_LEFT_OUT for pulse in pulses if pulse.edge == NOT_SETTLED)
     return Result({"rows": columns}, notes=counted(reasons))
 
 
 def _too_coarse(digit_ampere, step_ampere):
-    """In words, that two readings may be off by more than a tester's current is."""
+    """That two readings may be off by more than a tester's current is."""
     share = digit_ampere / abs(step_ampere)
-    words = f"its current is read so coarsely that it may be {share:.0%} off"
-    return words if share > ROUND_SHARE else ""
+    return say("resistance.coarse", share=share) if share > ROUND_SHARE else ""
 
 
-def _doubts(columns, rated, against_soc):
-    """Doubts of each row in words: of its rows, of the record, and of the resistance itself."""
-    of_record = [against_soc, _as_c_rates(columns, rated)]
+def _doubts(columns, of_rows, rated, against_soc):
+    """Doubts of each row: of its rows, of the resistance itself, and of the record; lists of Said.
+
+    of_rows : list of Said of each, what is in doubt in the rows of its pulse.
+    """
+    of_record = [Said(against_soc, "half.contradicted"), _as_c_rates(columns, rated)]
     found = []
-    for resistance, std, delay, said, rises in zip(
+    for resistance, std, delay, own, rises in zip(
         columns["resistance_ohm"],
         columns["resistance_std_ohm"],
         columns["delay_second"],
-        columns["doubt"],
+        of_rows,
         _rises(columns),
         strict=True,
     ):
         alike = columns["resistance_ohm"][columns["delay_second"] == delay]
-        words = [said] if said else []
         # What the noise of its voltage leaves open is no doubt.
         near = resistance + SIGMAS * std * np.array([-1.0, 0.0, 1.0])
-        unlike = not said and all(unlike_size(one, rated) for one in near)
-        words += [WORDS[Doubt.SIZE]] * unlike
+        unlike = not own and all(unlike_size(one, rated) for one in near)
+        of_size = [said(Doubt.SIZE)] * unlike
         if near[-1] < SMALL_SHARE * np.median(alike):
-            words.append("far below the record's other pulses: did the voltage answer?")
-        words += [rises] if rises else []
-        found.append("; ".join(filter(None, words + of_record)))
+            of_size.append(say("resistance.small"))
+        found.append([*own, *of_size, rises, *of_record])
     return found
 
 
@@ -235,8 +237,10 @@ def _rises(columns):
         for numbers in rises_with_rate(*at):
             pair = rows[list(numbers)]
             ohm, rate = columns["resistance_ohm"][pair], columns["c_rate"][pair]
-            rise = [f"{1e3 * o:.3g} mOhm at {r:.2g}C" for o, r in zip(ohm, rate, strict=True)]
-            found[pair] = f"rises with the rate, from {rise[0]} to {rise[1]}, as of no cell"
+            milliohm = dict(zip(("low", "high"), 1e3 * ohm, strict=True))
+            rates = dict(zip(("slow", "fast"), rate, strict=True))
+            rises = say("resistance.rises", **milliohm, **rates)
+            found[pair[0]] = found[pair[1]] = rises
     return found
 
 
@@ -252,7 +256,7 @@ def _as_c_rates(columns, rated):
     # Slower loads meet kinetics at their largest, and their capacity tells.
     if not (answer > LARGE_VOLT and round_alone and sizes.max() >= SLOWEST_PULSE_C_RATE):
         return ""
-    return f"1C would move the voltage by {answer:.2g} V at once: does the file hold C-rates?"
+    return say("resistance.c_rates", volt=answer)
 
 
 def _is_round(rate):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.messages import Said, doubt_columns, doubts_in
 from cellwright.records.anchor import UNRELAXED_VOLT
 from cellwright.records.conditions import (
     AT_REST_C_RATE,
@@ -22,6 +23,7 @@ from cellwright.records.conditions import (
     same_rate,
     stated_or_reference,
 )
+from cellwright.records.messages import say
 from cellwright.result import Result
 
 REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
@@ -80,7 +82,7 @@ class Rule(NamedTuple):
 
     same_age : whether it holds for tests of one age, or of two. broken : function (Compared of one
     row, Compared of others) → (n,) bool, whether these speak against that one. words : function
-    (row, other) → str.
+    (row, other) → Said.
     """
 
     same_age: bool
@@ -107,18 +109,18 @@ def disagreements(rows, *, quantity):
             said[number] = against
     unusual = _unusual_currents(rows, currents)
     told = [
-        row | {"doubt": _joined(row, *against, words)}
+        row | doubt_columns([*doubts_in(row), _with_more(*against), words])
         for row, against, words in zip(rows, said, unusual, strict=True)
     ]
     return Result({"rows": told})
 
 
-def _joined(row, words, tests, unusual):
-    """Doubt of a row: its own, that of so many tests against it, in the words of one of them."""
-    others = f"{tests - 1} more test{'s' if tests > 2 else ''}"
-    more = [f"and {others} against it"] * (tests > 1)
-    against = " ".join([*[words] * (tests > 0), *more])
-    return "; ".join(filter(None, [row.get("doubt"), against, unusual]))
+def _with_more(words, tests):
+    """What so many tests say against a row, in the words of one of them; "" where none does."""
+    if tests < 2:
+        return words
+    name = "more_one" if tests == 2 else "more_many"
+    return Said(say(f"against.{name}", what=words, tests=tests - 1), words.code)
 
 
 def _against(group, compared, quantity):
@@ -266,7 +268,7 @@ def _set_apart(here, there):
 
 def _set_apart_in_words(row, other):
     here, there = _ampere(row), _ampere(other)
-    return f"its current is {here:.4g} A, in {other['test']} {there:.4g} A: set to be the same?"
+    return say("against.current", here=here, test=other["test"], there=there)
 
 
 def _unusual_currents(rows, tests):
@@ -365,7 +367,7 @@ def _unlike_repeats(row, others):
     off = np.abs(np.append(here, amperes) - usual) > REPEATED_SHARE * usual
     if not off[0] or off[1:].any():
         return ""
-    return f"its current is {here:.4g} A, in {len(amperes)} other tests {usual:.4g} A"
+    return say("against.unlike_repeats", here=here, tests=len(amperes), usual=usual)
 
 
 class Repeats(NamedTuple):
@@ -390,8 +392,7 @@ def _repeats(tests):
 
 
 def _unusual(row, others):
-    size = f"its current of {_ampere(row):.4g} A ({row['c_rate']:.3g}C)"
-    return f"{size} is no round one, as those of {others} other tests of the cell are"
+    return say("against.not_round", ampere=_ampere(row), c_rate=row["c_rate"], tests=others)
 
 
 def _celsius(row):
@@ -466,12 +467,20 @@ def _older_gives_more(here, there):
     return more & ~slower & ~(warm > cool + WARMED_KELVIN)
 
 
-def _gives(other):
-    return f"{other['test']} gives {other['capacity_ampere_hour']:.4g} Ah"
+def _of_capacity(name):
+    """Words of a rule that two capacities break: function (row, other) → Said."""
 
+    def words(_row, other):
+        return say(
+            f"against.{name}",
+            test=other["test"],
+            ampere_hour=other["capacity_ampere_hour"],
+            c_rate=other["c_rate"],
+            cycle=other["cycle"] or 0,
+            celsius=other["temperature_mean_celsius"],
+        )
 
-def _at_rate(other):
-    return f"{_gives(other)} at {other['c_rate']:.3g}C"
+    return words
 
 
 def _near_empty(here, there):
@@ -498,8 +507,9 @@ def _resistances_apart(here, there):
 
 
 def _resistance_in_words(_row, other):
-    place = f" at {other['soc']:.0%} SoC" if _is_number(other["soc"]) else ""
-    return f"{other['test']} gives {1e3 * other['resistance_ohm']:.3g} mΩ{place}"
+    name = "resistance_at" if _is_number(other["soc"]) else "resistance"
+    about = {"test": other["test"], "soc": other["soc"]}
+    return say(f"against.{name}", milliohm=1e3 * other["resistance_ohm"], **about)
 
 
 def _rests_lower(here, there):
@@ -517,34 +527,17 @@ def _rests_lower(here, there):
 
 def _rest_in_words(_row, other):
     volt, soc = other["voltage_before_volt"], other["soc"]
-    return f"{other['test']} rests at {volt:.3f} V at {soc:.0%} SoC"
+    return say("against.rest", test=other["test"], volt=volt, soc=soc)
 
 
 CURRENTS = Rule(True, _set_apart, _set_apart_in_words)  # whatever the temperature
 RULES = {  # of tests at one temperature, in the order in which they are told
     "capacity": (
-        Rule(True, _repeats_apart, lambda _row, other: f"{_at_rate(other)}, the same rate"),
-        Rule(
-            *(True, _slower_gives_less),
-            lambda _row, other: f"{_at_rate(other)}: a slower load gives no less than a faster one",
-        ),
-        Rule(
-            *(True, _lost_to_rate),
-            lambda _row, other: f"{_at_rate(other)}: no good cell loses so much to its rate",
-        ),
-        Rule(
-            *(True, _warms_less),
-            lambda _row, other: (
-                f"{other['test']} at {other['c_rate']:.3g}C warms the cell to "
-                f"{other['temperature_mean_celsius']:.3g} °C: a faster load warms it no less"
-            ),
-        ),
-        Rule(
-            *(False, _older_gives_more),
-            lambda _row, other: (
-                f"{_gives(other)} at cycle {other['cycle'] or 0:g}: no older cell gives more"
-            ),
-        ),
+        Rule(True, _repeats_apart, _of_capacity("repeat")),
+        Rule(True, _slower_gives_less, _of_capacity("slower_gives_less")),
+        Rule(True, _lost_to_rate, _of_capacity("lost_to_rate")),
+        Rule(True, _warms_less, _of_capacity("warms_less")),
+        Rule(False, _older_gives_more, _of_capacity("older_gives_more")),
     ),
     "resistance": (
         Rule(True, _rests_lower, _rest_in_words),

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.messages import said_of
 from cellwright.numerics.clock import refuse_backward
 from cellwright.numerics.noise import least_digit, least_digit_ampere
 from cellwright.records.anchor import AS_STATED, Anchored, slow_soc
@@ -363,7 +364,7 @@ def _record_to_fit(test, basis, cell, settings, notes):
         notes.append(f"not fitted: {test.facts.test}: all of it counts in another test")
         return None
     if not record.anchor.startswith(AS_STATED):
-        notes.append(f"{record.test}: SoC by {record.anchor}")
+        notes.append(said_of(record.test, f"SoC by {record.anchor}"))
     return record
 
 

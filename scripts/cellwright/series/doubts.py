@@ -34,6 +34,7 @@ from cellwright.series.beside import (
     pace_drifts,
 )
 from cellwright.series.gaps import OTHER_LOAD, UNKNOWN, load_went_on
+from cellwright.series.messages import say
 from cellwright.series.rest_current import near_zero_ampere, stretches
 from cellwright.series.spikes import bend, bend_at, rows_around
 
@@ -82,48 +83,32 @@ class Doubt(IntFlag):
     EXCHANGED = 16384
 
 
-WORDS = {
-    Doubt.CLOCK: "the clock jumps: how long it was is not known",
-    Doubt.GAP: "rows are missing, and nothing tells what flowed meanwhile",
-    Doubt.COUNTER: "the instrument's own counter moved otherwise than its current",
-    Doubt.ENERGY: "the instrument's own energy moved otherwise than its current times voltage",
-    Doubt.VOLTAGE_STEP: "the voltage steps while the current does not",
-    Doubt.NO_ANSWER: "the current steps and the voltage does not answer",
-    Doubt.AT_REST: "the voltage moves as under load while the current reads zero",
-    Doubt.SIZE: "charge or resistance are those of a cell of another size than the rating",
-    Doubt.BEYOND: "its voltage lies beyond its stated cut-offs, where no charge drives it",
-    Doubt.SIGN: "its voltage contradicts the sign of its current",
-    Doubt.CHAMBER: f"its thermometer never comes within {THERMOMETER_KELVIN:g} K of the chamber's "
-    "temperature, stated or measured: one of the two is wrong",
-    Doubt.THERMOMETER: "its thermometer shows nothing for a while",
-    Doubt.DATES: "its clock runs otherwise than its dates: one of the two is wrong",
-    Doubt.PACE: "its rows lie ever farther apart, or ever closer: its clock drifts",
-    Doubt.EXCHANGED: "in its load the chamber's thermometer moves and the cell's own does not: are "
-    "the two exchanged?",
-}
+ALL = np.array([-1])  # every flag
 
 
-def in_words(doubt: np.ndarray | None, rows=slice(None)) -> str:
-    """What is in doubt in these rows of a `doubt` column, in words; "" where nothing is."""
+def doubts_said(doubt: np.ndarray | None, rows=slice(None)) -> list:
+    """What is in doubt in these rows of a `doubt` column: a sentence with its code each."""
     if doubt is None:
-        return ""
+        return []
     doubt = np.asarray(doubt, int)[rows]
     flags = int(np.bitwise_or.reduce(doubt, initial=0))
-    said = {flag: words for flag, words in WORDS.items() if flags & flag}
-    if Doubt.THERMOMETER in said:
-        share = np.mean((doubt & Doubt.THERMOMETER) > 0)
-        said[Doubt.THERMOMETER] += f" ({share:.0%} of the rows)"
-    return "; ".join(said.values())
+    return [said(flag, doubt) for flag in Doubt if flags & flag]
+
+
+def said(flag: Doubt, doubt: np.ndarray = ALL):
+    """What a flag says of the rows (n,) of a `doubt` column; by default of each of them."""
+    share = float(np.mean((doubt & int(flag)) > 0))
+    return say(f"row.{flag.name.lower()}", kelvin=THERMOMETER_KELVIN, share=share)
 
 
 def sentences(time: np.ndarray, doubt: np.ndarray) -> list[str]:
     """A sentence on each kind of doubt in a `doubt` column: how often, and from when on [s]."""
     found = []
-    for flag, words in WORDS.items():
+    for flag in Doubt:
         rows = count_where(lambda d, flag=int(flag): d & flag, doubt)
         if rows:
-            first = np.argmax(doubt & int(flag) > 0)
-            found.append(f"{words} ({rows} rows, first at {time[first]:.6g} s)")
+            first = time[np.argmax(doubt & int(flag) > 0)]
+            found.append(say("rows.from", what=said(flag, doubt), rows=rows, second=first))
     return found
 
 

@@ -20,6 +20,7 @@ from cellwright.formats.pieces import (
     sum_of,
     summed,
 )
+from cellwright.messages import said_of
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import CLEAN
 from cellwright.series.doubts import Doubt, against_counter
@@ -311,7 +312,7 @@ def _together(time, power, energy):
 
 def _notes(reading, index, files):
     """What the reader left out of a file, with its number where a test has several."""
-    return [f"file {index + 1}: {note}" if files > 1 else note for note in reading.notes]
+    return [said_of(f"file {index + 1}", note) if files > 1 else note for note in reading.notes]
 
 
 def _own_signs(readings, stated):

@@ -7,6 +7,7 @@ from cellwright.health.peaks.estimate import MOST_TERMS, disagreeing, left_out_e
 from cellwright.health.peaks.features import IdentifiedPeak, PeakCharge, made_alike
 from cellwright.health.table import DISAGREE
 from cellwright.laws.points import grouped
+from cellwright.messages import said_of
 from cellwright.numerics.statistics import rms
 from cellwright.records import inputs
 from cellwright.records.conditions import grouped_alike, same_rate, same_temperature
@@ -146,7 +147,7 @@ def peak_calibration(charges, *, rated_ampere_hour=None, tracked=(), most_terms=
         try:
             found, wrong = _estimated(named, most_terms)
         except Refusal as error:
-            refused.append(f"{_where(alike)}: {error}")
+            refused.append(said_of(_where(alike), error))
             continue
         fresh = {cell: _fresh(cell, named, rated_ampere_hour) for cell in {c.cell for c in named}}
         rows += [_health(one, *fresh[one.charge.cell], wrong) for one in found]

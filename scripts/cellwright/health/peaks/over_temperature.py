@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.messages import said_of
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records import inputs
 from cellwright.records.conditions import REFERENCE_CELSIUS, same_rate
@@ -322,7 +323,7 @@ def peaks_over_temperature(
         about = {"test": charge.test, "temperature_celsius": charge.temperature_celsius}
         peaks += [about | {"peak": k} | peak._asdict() for k, peak in enumerate(own, 1)]
         if not all(peak.clear for peak in own):
-            notes.append(f"{charge.test}: not all peaks stand clear of their valleys")
+            notes.append(said_of(charge.test, "not all peaks stand clear of their valleys"))
         if charge.test != reference.test:
             end_volt = charge.voltage_volt[-1] - sigma_volt
             about["reference_celsius"] = reference.temperature_celsius

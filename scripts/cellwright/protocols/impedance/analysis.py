@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cellwright.messages import Said, doubt_columns, listed
 from cellwright.protocols.impedance.arcs import (
     charge_transfer_hertz,
     contract,
@@ -24,6 +25,7 @@ from cellwright.protocols.impedance.course import Spectrum, follow, partner
 from cellwright.protocols.impedance.drt import peaks, relaxation_times
 from cellwright.protocols.impedance.fit import check, fit_circuit
 from cellwright.protocols.impedance.trust import DRIFT_TOLERANCE, trusted_points
+from cellwright.protocols.messages import say
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
@@ -131,15 +133,15 @@ def impedance(spectrum, settings=None, *, cell=None, doubt="", test=None, togeth
         shares = [(each.fit, part["weight"]) for each, part in zip(compared, together, strict=True)]
         row |= shared_deviations(fit, hertz, shares)
     said = (
+        Said(doubt, "impedance.file"),
         _of_size(impedance, None if cell is None else inputs.rating(cell)),
         doubt_of(fit, trusted.rms, [each.fit for each in others], hertz, row),
-        off_course,
+        Said(off_course, "impedance.off_course"),
     )
-    row["doubt"] = "; ".join(filter(None, said))
     row["charge_transfer_told"] &= not off_course
     row["preferred_circuit"] = compared[preferred].fit.circuit
     notes = tuple(_notes(row, fit, trusted, spectrum.frequency_hertz, off_course))
-    row["doubt"] = "; ".join(filter(None, (doubt, row["doubt"])))
+    row |= doubt_columns(said)
     tables = {
         "rows": [row],
         "curve": _curve(fit, frequency, impedance, trusted),
@@ -224,7 +226,6 @@ def _row(fit, frequency, impedance, trusted, hertz):
         **contract(fit, hertz),
         "rms_relative_residual": fit.rms_relative_residual,
         "kramers_kronig_residual": trusted.rms,
-        "doubt": "",
         "r_zero_crossing_ohm": zero_crossing(frequency, impedance),
         "characteristic_frequency_hertz": hertz,
         "arc_in_range": bool(used.min() <= hertz <= used.max()),
@@ -288,7 +289,7 @@ def doubt_of(fit, kramers_kronig_rms, others, hertz, row):
     if not close and left <= DRIFT_TOLERANCE:
         return ""
     if not close:
-        return f"{_missed(fit, kramers_kronig_rms)}, and no circuit tried comes closer"
+        return say("impedance.none_closer", missed=left, times=misses(fit, kramers_kronig_rms))
     closest = min(close, key=lambda one: one.rms_relative_residual)
     same = partner(fit, hertz, closest)
     there, moved = contract(closest, same), []
@@ -296,12 +297,12 @@ def doubt_of(fit, kramers_kronig_rms, others, hertz, row):
         off, within = there[name] - row[name], 2 * row[f"{name}_std"]
         compared = np.isfinite(off) and (name == "r_ohmic_ohm" or same > 0)
         if compared and not abs(off) <= within:
-            moved.append(f"{words} is {1e3 * there[name]:.3g} mΩ ({off / row[name]:+.0%})")
+            change = off / row[name]
+            moved.append(say("impedance.moved", what=words, ohm=1e3 * there[name], change=change))
     if not moved:
         return ""
-    missed, closer = (one.rms_relative_residual for one in (fit, closest))
-    other = f"{closest.circuit} misses it by {closer:.1%}, and in it {' and '.join(moved)}"
-    return f"the circuit misses the spectrum by {missed:.1%} RMS; {other}"
+    closer, other = closest.rms_relative_residual, closest.circuit
+    return say("impedance.closer", missed=left, other=other, closer=closer, moved=listed(moved))
 
 
 def _missed(fit, kramers_kronig_rms):
@@ -316,8 +317,8 @@ def _of_size(impedance, rated):
     least = float(np.min(np.abs(impedance)))
     if not rated or not unlike_size(least, rated):
         return ""
-    unit = "milliohm read as ohm" if least * rated > 1.0 else "ohm read as milliohm"
-    return f"no cell of {rated:g} Ah has {least:.3g} ohm at its least: {unit}?"
+    name = "milliohm" if least * rated > 1.0 else "ohm"
+    return say(f"impedance.{name}", rated=rated, ohm=least)
 
 
 def _temperature(celsius):
