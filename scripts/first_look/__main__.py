@@ -1,11 +1,11 @@
 """Commands beside a run: `inspect FILE...`, `init FOLDER`, `check FOLDER`, `convert FILE`,
-`explain TABLE ROW`, `compare BEFORE AFTER`."""
+`explain TABLE ROW`, `compare BEFORE AFTER`, `plan FOLDER`."""
 
 import argparse
 import sys
 
 from cellwright.refusal import Refusal
-from first_look import check, compare, interchange, lineage, one_file, sheets, words
+from first_look import check, compare, interchange, lineage, one_file, planned, sheets, words
 
 
 def main(arguments=None) -> int:
@@ -30,6 +30,9 @@ def main(arguments=None) -> int:
     two.add_argument("before", help="folder of a campaign that was run")
     two.add_argument("after", help="another, or a later state of the same")
     two.add_argument("--to", default=".", help="folder for comparison.csv and comparison.html")
+    planned.add_arguments(
+        commands.add_parser("plan", help="say which tests would lower a model's error most")
+    )
     options = parser.parse_args(arguments)
     if options.command == "inspect":
         return max([_looked_at(file, k > 0) for k, file in enumerate(options.file)])
@@ -67,6 +70,8 @@ def _lines(options):
         yield from (f"written: {path}" for path in interchange.convert(options.file, options.to))
     elif options.command == "explain":
         yield from lineage.explain(options.table, options.row)
+    elif options.command == "plan":
+        yield from planned.lines_of(options)
     else:
         changes = compare.compare(options.before, options.after)
         yield from compare.in_words(changes)

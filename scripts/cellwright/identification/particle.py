@@ -341,3 +341,19 @@ def _relative_error(rows, volt):
 def _held_in(error):
     """Square of small errors, growing ever slower beyond `FAR` (Cauchy's loss)."""
     return FAR**2 * np.log1p((error / FAR) ** 2)
+
+
+def information(task, particle):
+    """What the rows of a task tell of the numbers of a particle, were they as it simulates them.
+
+    Parameters
+    ----------
+    task : Task, of which the prior is left aside. particle : Particle, also at other temperatures.
+
+    Returns
+    -------
+    precision : (p, p) that the rows add to that of the particle's vector.
+    """
+    nothing = np.zeros((len(particle.vector), len(particle.vector)))
+    bare = task._replace(start=particle, mean=particle.vector, precision=nothing)
+    return _curved(bare, particle.vector, None)[1]
