@@ -28,8 +28,8 @@ NO_ELEMENT = {
     "switch": "none of its elements remembers at rest which way the last current ran",
     "preisach": "none of its elements remembers where the charge turned",
     "charge_transfer": "its kinetics here have no lag, and a resistor that no element holds",
-    "diffusion": "its diffusion element is a plane sheet whose gain its time constant fixes, "
-    "not a sphere with a gain of its own",
+    "diffusion": "its diffusion element is a plane sheet, whose time constant also sets its size; "
+    "here it is a sphere with both",
 }
 
 
@@ -224,7 +224,8 @@ def _elements(branch, points):
         return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
     if not kind.linear or kind.output != "volt":
         reason = NO_ELEMENT.get(branch.kind, "it has no such element")
-        raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
+        kind = branch.kind.replace("_", " ")
+        raise Refusal(f"PyBaMM's Thevenin model cannot run {kind}: {reason}")
     gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
     direct = 1.0 - sum(lag.share for lag in lags)
     pairs = [(_positive(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]

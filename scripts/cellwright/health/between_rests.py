@@ -290,7 +290,8 @@ def _too_few(rests, kept):
     wanted = f"two of {RELAXED_SECOND / 60:.0f} min and more on the open-circuit voltage"
     beyond = np.count_nonzero(~kept)
     lost = f", {beyond} more that the curve does not reach or tells nothing of" if beyond else ""
-    return f"{len(rests.second)} rest(s) tell a state of charge{lost}; wanted {wanted}"
+    found = f"{len(rests.second)} found{lost}"
+    return f"no capacity between two rests: it takes {wanted}, {found}"
 
 
 def _shares(rests, placed, counter, first, last):
