@@ -326,8 +326,9 @@ def _best_pair(rests, placed, counter):
     return best[1:]
 
 
-# ASSUME: Of a cell of another age than its curve, charge beyond the two rests is as unsure as a
-# capacity that nobody measured, and may have lost once more, or less, what lies between lost.
+# ASSUME: If the cell has aged since its OCV curve was measured, the charge beyond the two rests is
+# as uncertain as a capacity that was never measured, and may differ by as much again as the charge
+# between them has been lost.
 def _hidden_share(size, swing, other_ampere_hour):
     """Relative deviation by charge that the rests do not enclose; 0 where the curve is its own."""
     if other_ampere_hour is None:
@@ -343,7 +344,8 @@ def _aged(curve, cycle, borrowed):
     return curve["capacity_ampere_hour"] if other else None
 
 
-# ASSUME: Of what the two directions of a slow test differ by, none to all is an error of its ends.
+# ASSUME: Any part of the difference between the two directions of a slow test, from none to all, is
+# an error of its ends.
 def _scale_share(curve):
     """Relative deviation of a curve's scale from empty to full: 0 of one direction alone."""
     back = curve.get("charge_capacity_ampere_hour")

@@ -292,7 +292,7 @@ def law_rows(points):
     Refusal
         No quantity could be fitted; the reasons are named.
     """
-    # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
+    # ASSUME: A resistance falls as the cell warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
     for quantity, quantity_points in grouped(points, lambda point: point.quantity).items():
         try:
