@@ -8,6 +8,7 @@ from matplotlib.patches import Patch
 
 from cellwright.effects.case import Gates
 from cellwright.effects.groups.known import GroupGates
+from cellwright.effects.story.words import name_of_effect
 from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import rows_where
@@ -20,7 +21,7 @@ RATES = {
     "charge_low": "charge, slow",
     "charge_high": "charge, fast",
 }
-ROLES = {"fit": "fitted", "validation": "proof"}
+ROLES = {"fit": "fitted", "validation": "validation"}
 MODELS = {"before": "Plain model", "after": "With what was found missing"}
 MOST_BINS = 12  # of SoC into which a number fits
 DIGITS = 6  # to which edges of bins are the same
@@ -140,7 +141,7 @@ def draw_group_ranking(ranking):
     if not ranking:
         return draw_ranking(ranking)
     pairs = zip(ranking["effect"], ranking["branch"], strict=True)
-    names = [f"{effect.removeprefix('branch_')} of branch {branch}" for effect, branch in pairs]
+    names = [f"{name_of_effect(effect)} of branch {branch}" for effect, branch in pairs]
     return draw_ranking(ranking | {"effect": np.array(names, object)}, GROUP_GATES)
 
 
@@ -152,7 +153,8 @@ def _panel_title(number, rows):
 
 
 def _in_words(effect):
-    return effect.replace("_", " ")
+    """Short name of an effect; of a group's that stands with its branch in words already, that."""
+    return effect if " " in effect else name_of_effect(effect)
 
 
 def _round(panel, rows, gates):

@@ -122,7 +122,9 @@ def _functions(axes, rows):
     for name, (label, colour, offset) in ERRORS.items():
         values = [1e3 * row[name] for row in rows]
         axes.barh(position + offset, values, height=0.38, color=colour, label=label)
-    names = [row["function"].removesuffix("(T)") + " ★" * row["chosen"] for row in rows]
+    names = [
+        row["function"].removesuffix("(T)").replace("_", " ") + " ★" * row["chosen"] for row in rows
+    ]
     axes.set_yticks(position, names)
     axes.set(xlabel="RMSE [mV]", title="Functions (★ chosen)")
     style.legend_once(axes, loc="upper center", bbox_to_anchor=(0.4, -0.24), ncols=2)

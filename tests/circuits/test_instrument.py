@@ -1,5 +1,7 @@
 """What a member corrects of a record, by arithmetic; whole voltages in tests/effects/test_model."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,16 @@ def test_own_heat_lowers_resistance():
     assert warm[1].parameters == {"m_volt": 0.01}
     assert instrument.heating(member, circuit) == instrument.at_once(circuit) == [0]
     assert instrument.words_of(member)[0].startswith("the cell is warmer inside")
+
+
+def test_every_number_of_a_block_is_said_in_words():
+    """Each that the module's docstring names, without its id."""
+    names = re.findall(r"(\w+_\w+) \[", instrument.__doc__)
+    assert len(names) >= 13
+    for name in names:
+        (said,) = instrument.words_of({"reading": {name: -0.033}})
+        assert "_" not in said, name
+    counting = {"counting": {"capacity_relative": -0.033, "leak_ampere": 0.01}}
+    assert instrument.words_of(counting) == [
+        "the charge is not what was counted: capacity -3.3 % from the model's, a leak of 0.01 A"
+    ]

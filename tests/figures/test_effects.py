@@ -30,7 +30,7 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     )
     before, after, bar = rendered(effects.draw_residual_map(columns))
     lines = [text.get_text() for text in before.get_yticklabels()]
-    assert lines == ["hppc (fitted): rest", "udds (proof): charge, slow"]
+    assert lines == ["hppc (fitted): rest", "udds (validation): charge, slow"]
     (left,), (right,) = before.collections, after.collections
     pooled = np.sqrt((30 * 3.0**2 + 10 * 4.0**2) / 40)
     np.testing.assert_allclose(left.get_array().ravel(), [2.0, pooled, np.nan, 1.0])

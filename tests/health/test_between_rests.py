@@ -139,7 +139,7 @@ def test_a_slow_test_whose_directions_differ_leaves_the_scale_open_by_that():
     [
         (lfp, (0.8, 0.4), "flat at SoC 0"),
         (nmc, (0.62, 0.6), r"only 0\.0\d+ of the SoC apart"),
-        (nmc, (0.9,), r"1 rest\(s\) tell a state of charge; wanted two of 10 min"),
+        (nmc, (0.9,), r"it takes two of 10 min and more on the open-circuit voltage, 1 found"),
     ],
 )
 def test_rests_that_tell_no_capacity_are_refused_with_the_reason(ocv, windows, words):

@@ -31,7 +31,7 @@ def basis(*curves, borrowed_from=None):
 def test_half_the_gap_is_the_most_with_the_reading_of_the_branches():
     most_volt, words = largest_hysteresis(basis(slow()), 25.0, KNOTS)
     np.testing.assert_allclose(most_volt, 0.02 + READING_VOLT)
-    assert words == "at most half the gap of ocv_25, 23 to 23 mV"
+    assert words == "is at most 23 to 23 mV, half the gap between the branches of ocv_25"
 
 
 def test_a_steep_gap_is_taken_where_it_is_widest_within_the_socs_doubt():
@@ -53,7 +53,7 @@ def test_polarisation_in_the_cold_allows_no_hysteresis_that_a_warm_gap_does_not(
     curves = (slow(-25.0, 0.1), slow(25.0, 0.012), slow(5.0, 0.02))
     most_volt, words = largest_hysteresis(basis(*curves), celsius, KNOTS)
     np.testing.assert_allclose(most_volt, 0.012 + READING_VOLT)
-    assert words == "at most half the gap of ocv_25, 15 to 15 mV"
+    assert words == "is at most 15 to 15 mV, half the gap between the branches of ocv_25"
 
 
 def test_at_each_soc_the_test_serves_that_allows_least():

@@ -22,7 +22,7 @@ RIGHT = {
     "j01_summer_time_ends_between_files": "the clock being set back by an hour",
     "n02_biologic_three_electrodes": "not read: mode, ox/red",
     "n05_neware_workbook": "",
-    "o01_day_first_files": "file 2 follows after 1820 s (dates)",
+    "o01_day_first_files": "file 2 begins 1820 s after the end of file 1, by their dates",
     "q01_pybamm_output": "",
     "q06_excel_day_fraction": "20 s if it counts d",
     "r02_cycling_and_spectrum_one_file": "61 rows of a spectrum are left out",

@@ -90,7 +90,7 @@ def test_what_a_start_may_lack_is_its_uncertainty():
     found = capacity_of(columns)
     true = 2.0 * (1 - 0.97)
     assert found.rows["capacity_std_ampere_hour"][0] == pytest.approx(true, rel=0.7)
-    assert "start by a rest voltage of" in found.notes[0]
+    assert "how full it starts is known from its rest voltage alone" in found.notes[0]
 
 
 def test_the_test_before_tells_that_it_starts_full():

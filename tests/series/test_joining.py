@@ -101,7 +101,7 @@ def test_four_scripts_of_an_ocv_test(shared):
     assert counter.min() == pytest.approx(-2.0726, rel=0.002)  # published, his efficiency aside
     assert abs(counter[-1] - counter[0]) < 0.01, "full at the start and at the end"
     assert np.diff(columns["test_time_second"]).min() > 0
-    assert any(note.startswith("file 2 follows after 154150 s") for note in notes)
+    assert any(note.startswith("file 2 begins 154150 s after the end of file 1") for note in notes)
 
 
 @pytest.mark.parametrize(("gain", "sign"), [(1.0, 1), (1.0, -1), (1.05, 1), (0.9, -1)])

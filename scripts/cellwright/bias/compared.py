@@ -103,8 +103,9 @@ def opened_volt(reference, base, cell):
     -------
     change_volt : (k,) over `courses.KNOTS`, None without charges at one rate.
     """
-    # ASSUME: The polarisation of a slow charge is the current times the resistance after ten
-    # minutes, and goes with the resistance at the onset of a discharge.
+    # ASSUME: The polarisation of a slow charge is its current times the resistance after ten
+    # minutes; from cell to cell it changes in proportion to the resistance at the onset of a
+    # discharge.
     shares, shift = charge_shift(reference, cell)
     if len(shares) < 3:
         return None

@@ -64,7 +64,8 @@ def quadratic_function(shift_volt, soc, change):
     Refusal : fewer than three cells (two would be met exactly, one left out could not be
         predicted), or the shifts, or the SoC, are too much alike.
     """
-    # ASSUME: A shift of the IC peaks tells resistance and OCV of a cell by the thesis' eq. 4.3.
+    # ASSUME: The shift of the IC peaks determines resistance and OCV of a cell, by eq. 4.3 of the
+    # thesis.
     stacked = np.array([_columns(shift, np.asarray(soc, float)) for shift in shift_volt])
     _enough(shift_volt)
     if np.linalg.matrix_rank(stacked[1:].reshape(-1, 4), rtol=1e-6) < 4:

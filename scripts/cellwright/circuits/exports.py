@@ -263,7 +263,8 @@ def _elements(branch, points):
         return np.zeros(points), [{"kind": branch.kind} | parameters | sizes]
     if not kind.linear or kind.output != "volt":
         reason = kind.no_element or "it has no such element"
-        raise Refusal(f"PyBaMM's Thevenin model cannot run {branch.kind}: {reason}")
+        name = branch.kind.replace("_", " ")
+        raise Refusal(f"PyBaMM's Thevenin model cannot run {name}: {reason}")
     gain, lags = kind.drive(np.ones(points), **parameters), kind.lags(**parameters)
     direct = 1.0 - sum(lag.share for lag in lags)
     pairs = [(_positive(lag.share * gain), lag.constant + np.zeros(points)) for lag in lags]

@@ -20,16 +20,13 @@ import numpy as np
 
 from cellwright.circuits.cell import closing
 from cellwright.circuits.circuit import KINDS
+from cellwright.circuits.messages import say
 from cellwright.circuits.temperature import resistance_factor
 from cellwright.numerics.lags import lag, lag_by_charge, mean_over_steps
 from cellwright.records.conditions import AT_REST_C_RATE, REFERENCE_CELSIUS
 from cellwright.records.thinning import driven
 
-ABOUT = {
-    "reading": "what the instrument reads is off",
-    "counting": "charge is not what was counted",
-    "own_heat": "the cell is warmer inside than was measured",
-}
+BLOCKS = ("reading", "counting", "own_heat")  # that exports and filters tell of
 WARMED = ("r_ohm", "r_charge_ohm", "r_discharge_ohm", "soc_per_ampere")
 EDGE_SECOND = 0.06  # before the stamp of a row, within which the current of the row sets in
 # ASSUME: However cold, a cell keeps a tenth of its capacity; a straight line would end at none.
@@ -148,7 +145,7 @@ def hold_of(member, current_ampere):
     return "zero_order" if "hold" in member and not driven(current_ampere) else hold
 
 
-def words_of(member, blocks=tuple(ABOUT)):
+def words_of(member, blocks=BLOCKS):
     """Sentences on the blocks of a member beside its circuit, for exports and filters.
 
     Parameters
@@ -158,8 +155,11 @@ def words_of(member, blocks=tuple(ABOUT)):
     sentences = []
     for block in blocks:
         numbers = {n: v for n, v in member.get(block, {}).items() if not isinstance(v, list)}
-        values = ", ".join(f"{name} {value:.4g}" for name, value in numbers.items())
-        sentences += [f"{ABOUT[block]} ({values})"] if values else []
+        values = [
+            say(f"number.{n}", value=v, percent=100 * v, milli=1e3 * v, kilo=v / 1e3)
+            for n, v in numbers.items()
+        ]
+        sentences += [say(f"block.{block}", listed=", ".join(values))] if values else []
     return sentences
 
 

@@ -168,7 +168,7 @@ def is_in_rest_log(rest, *, size_ampere, std_ampere):
     """
     if not rest.informative:
         return None
-    # ASSUME: the fit's size of an offset is right within 15 %.
+    # ASSUME: The size of an offset that the fit finds is right within 15 %.
     spread = np.sqrt(rest.std_ampere**2 + std_ampere**2 + (SLACK * size_ampere) ** 2)
     as_leak = (rest.mean_ampere / rest.std_ampere) ** 2
     as_offset = ((rest.mean_ampere - size_ampere) / spread) ** 2

@@ -7,9 +7,9 @@ from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.score import difference
 from cellwright.effects.story.sizes import has_size
 
-# ASSUME: Cells are as those of two sets by other simulators (docs/missing-effect.md):
-# 36 of 37 names that stood alone were right (at least 0.88 with 95 %), and 6 of 10 beside another.
-# How sure a gain is says nothing of it: all that were wrong passed six standard errors by ranks.
+# ASSUME: Other cells are like those of two sets by other simulators (docs/missing-effect.md): 36 of
+# 37 names that stood alone were right (at least 0.88 with 95 %), and 6 of 10 beside another. The
+# significance of a gain does not change this: all wrong names passed six standard errors by ranks.
 RIGHT_ALONE, RIGHT_BESIDE = 0.9, 0.6
 # Why an effect that is in a model has no name, as codes of `story/messages.toml`.
 UNEVEN, SMALL, NO_SIZE, ONE_PART = "uneven", "small", "no_size", "one_part"

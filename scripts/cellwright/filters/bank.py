@@ -189,8 +189,8 @@ def _lags(number, branch, soc):
         yield number, lag._replace(constant=np.broadcast_to(lag.constant, soc.shape))
 
 
-# ASSUME: Of the error that all temperatures share, half the variance is the OCV's; the other half,
-# and what some temperatures add to it, is the circuit's and there under load only.
+# ASSUME: Of the model error that all temperatures share, half the variance belongs to the OCV. The
+# other half, and what single temperatures add, belongs to the circuit and acts under load only.
 def _model_errors(member, celsius):
     """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
 

@@ -102,7 +102,7 @@ def estimate(
 
     Source: thesis 2.4, table 2.3 and appendix B; docs/soc-filters.md says what was mended.
     """
-    # ASSUME: What a model errs by at rest keeps its value over about `error_soc` of the charge, the
+    # ASSUME: The error of a model at rest keeps its value over about `error_soc` of the charge, the
     # error of its circuit for about `error_second`.
     noise, record = noise or Noise(), (test_time_second, current_ampere, voltage_volt)
     settings = {"hold": hold, "resistance_factor": resistance_factor, "track_ohmic": track_ohmic}

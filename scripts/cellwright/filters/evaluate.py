@@ -171,7 +171,8 @@ def estimate_soc(model, record, settings=None, **changes):
     celsius = loaded_mean(record.current_ampere, record.celsius, size)
     bank, record, hold = as_filtered(model, None, record)
     source = record.temperature_source
-    notes = [f"filters run at {celsius:.1f} °C, the mean under load of {source} temperature"]
+    place = f"{celsius:.1f} °C, the mean under load of {source} temperature"
+    notes = [f"filters use the parameters at {place}"]
     blocks = ("reading", "counting")
     notes += [
         f"filters and their reference know that {sentence}" for sentence in words_of(entry, blocks)
@@ -260,12 +261,10 @@ def _noise_in_words(noise):
     """Note on the noise that the records fitted have told; none where they did not."""
     if noise.level_volt <= 0.0:
         return []
-    shares = (
-        f"{100 * noise.resistance_error:.2g} % of what acts at once for {noise.fast_second:.2g}"
-    )
     return [
-        f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV white, "
-        f"{shares} s, voltage up to {1e3 * noise.skew_second:.2g} ms behind the current"
+        f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV in each "
+        f"reading; the voltage that answers at once is {100 * noise.resistance_error:.2g} % wrong "
+        f"for {noise.fast_second:.2g} s, and up to {1e3 * noise.skew_second:.2g} ms late"
     ]
 
 

@@ -171,7 +171,7 @@ def as_filtered(model, name, record):
     return bank_of(model, name, celsius), ready, hold
 
 
-# ASSUME: What a model errs by under load is what it errs by under the loads fitted.
+# ASSUME: A model errs under other loads by as much as under the loads it was fitted to.
 def learnt_at(member, celsius, *, capacity_known=True):
     """Noise that was learnt at the temperatures of a member, between them straight in logarithms.
 

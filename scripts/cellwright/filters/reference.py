@@ -40,8 +40,8 @@ def exact(soc):
     return Reference(soc, soc, soc, 0.0, "")
 
 
-# ASSUME: What a rest contradicts grew evenly from the rest before it; before the first rest it may
-# have been there from the start, after the last one it stays.
+# ASSUME: An error of the count that a rest shows grew evenly since the rest before; before the
+# first rest it may have been there from the start, after the last one it stays.
 def reference_of(record, curve):
     """The counted SoC of a record with what its rests leave it.
 

@@ -69,7 +69,7 @@ SERIES = ("test_time_second", "current_ampere", "voltage_volt")
 IMPEDANCE = ("frequency_hertz", "impedance_real_ohm", "impedance_imaginary_ohm")
 MINUS = "minus_impedance_imaginary_ohm"
 NET = "net_capacity_ampere_hour"
-# ASSUME: Counters that run with the current in nine tenths of what was moved tell its sign.
+# ASSUME: Counters that agree with the current for nine tenths of the charge determine its sign.
 CLEAR_SIGN = 0.9
 BACK_SHARE = 0.05  # of its travel that a net counter goes back, at least
 LONGEST_LABEL = 200

@@ -391,8 +391,8 @@ def _corrected_for_reading_error(slope, std, noise_share):
 
     Source: W. A. Fuller, Measurement Error Models, Wiley 1987, section 1.1.
     """
-    # ASSUME: Of the steps of the room's temperature from one half cycle to the next any share may
-    # be an error of reading.
+    # ASSUME: Any share of the room temperature's change from one half cycle to the next may be an
+    # error of reading.
     factor = 1 / (1 - noise_share**2)
     spread = slope * (factor - 1) / np.sqrt(12)
     return slope * (1 + factor) / 2, np.hypot(std * factor, spread)

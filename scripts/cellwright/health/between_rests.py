@@ -263,7 +263,8 @@ def _too_few(rests, kept):
     wanted = f"two of {RELAXED_SECOND / 60:.0f} min and more on the open-circuit voltage"
     beyond = np.count_nonzero(~kept)
     lost = f", {beyond} more that the curve does not reach or tells nothing of" if beyond else ""
-    return f"{len(rests.second)} rest(s) tell a state of charge{lost}; wanted {wanted}"
+    found = f"{len(rests.second)} found{lost}"
+    return f"no capacity between two rests: it takes {wanted}, {found}"
 
 
 def _shares(rests, placed, counter, first, last):
@@ -298,8 +299,9 @@ def _best_pair(rests, placed, counter):
     return best[1:]
 
 
-# ASSUME: Of a cell of another age than its curve, charge beyond the two rests is as unsure as a
-# capacity that nobody measured, and may have lost once more, or less, what lies between lost.
+# ASSUME: If the cell has aged since its OCV curve was measured, the charge beyond the two rests is
+# as uncertain as a capacity that was never measured, and may differ by as much again as the charge
+# between them has been lost.
 def _hidden_share(size, swing, other_ampere_hour):
     """Relative deviation by charge that the rests do not enclose; 0 where the curve is its own."""
     if other_ampere_hour is None:
@@ -308,7 +310,8 @@ def _hidden_share(size, swing, other_ampere_hour):
     return max(1.0 - abs(swing), 0.0) * np.hypot(UNSURE_SHARE, shown)
 
 
-# ASSUME: Of what the two directions of a slow test differ by, none to all is an error of its ends.
+# ASSUME: Any part of the difference between the two directions of a slow test, from none to all, is
+# an error of its ends.
 def _scale_share(curve):
     """Relative deviation of a curve's scale from empty to full: 0 of one direction alone."""
     back = curve.get("charge_capacity_ampere_hour")

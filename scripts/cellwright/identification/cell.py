@@ -221,11 +221,8 @@ def _identified(by_temperature, basis, members, rest, notes):
 
 def _ends_in_words(by_temperature, longest_second):
     pairs = zip(by_temperature, longest_second, strict=True)
-    ends = ", ".join(f"{second:.0f} s at {one.celsius:g} °C" for one, second in pairs)
-    return (
-        f"time constants end at {ends}, as long as a rest or a load tells one: what relaxes more "
-        "slowly is in the shift and the scale of the OCV, or in the last time constant"
-    )
+    ends = [say("model.end", second=second, celsius=one.celsius) for one, second in pairs]
+    return say("model.ends", ends=", ".join(ends))
 
 
 def _stretched(identified, name):
@@ -236,14 +233,9 @@ def _stretched(identified, name):
         stretch = one.entries[name]["ocv_scale"]["stretch"]
         if abs(stretch) > SURE * one.counted_std:
             celsius = one.ocv["ambient_temperature_celsius"]
-            found.append(f"{stretch:+.1%} at {celsius:g} °C (± {one.counted_std:.1%})")
-    if not found:
-        return ""
-    return (
-        f"the SoC on the OCV is stretched by more than capacity and counting leave open: "
-        f"{', '.join(found)}; it stands in for what the OCV or the circuit lacks, and the capacity "
-        "of a dual filter follows it"
-    )
+            about = {"share": stretch, "celsius": celsius, "std": one.counted_std}
+            found.append(say("model.stretch", **about))
+    return say("model.stretched", listed=", ".join(found)) if found else ""
 
 
 def _refuse_own_curve(fit_records, curve):
@@ -334,11 +326,11 @@ def _with_bound_hysteresis(shared, basis, fixed, settings):
         plain = identify_condition(data, member_named("DRT"), shared=shared, **fixed, **settings)
         prompt_ohm = prompt_resistance(plain.condition)
     except Refusal as refusal:
-        prompt_ohm, unknown = 0.0, f"; no drop over a resistance is taken off: {refusal}"
+        prompt_ohm, unknown = 0.0, say("model.no_drop", refusal=refusal)
     most_volt, words = largest_hysteresis(basis, celsius, data.knots, prompt_ohm=prompt_ohm)
     # What was searched so far holds no hysteresis, and stays.
     bounded = shared._replace(data=data._replace(most_volt=most_volt))
-    return bounded, f"hysteresis at {celsius:g} °C {words}{unknown}"
+    return bounded, say("model.hysteresis", celsius=celsius, words=words, unknown=unknown)
 
 
 def _with_own_shape(shared, dense, blocks, settings):

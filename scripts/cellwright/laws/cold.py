@@ -3,7 +3,7 @@
 import numpy as np
 
 from cellwright.laws.law import value_of
-from cellwright.laws.points import Point, grouped, mean_per_temperature
+from cellwright.laws.points import grouped, mean_per_temperature, point_of
 from cellwright.laws.temperature import FORMS, LAWS, span_of
 from cellwright.numerics.statistics import NORMAL_95
 from cellwright.records import inputs
@@ -36,7 +36,7 @@ def cold_limit(laws, points=None):
     Source: thesis section 3.2 (Rct grows 26-fold to −20 °C, Rs less than twofold);
     docs/temperature.md.
     """
-    points = [Point(**row) for row in inputs.rows(laws.points if points is None else points)]
+    points = [point_of(row) for row in inputs.rows(laws.points if points is None else points)]
     laws = inputs.rows(laws)
     for source, families in _families(points).items():
         courses = [_of_family(points, family) for family in families]

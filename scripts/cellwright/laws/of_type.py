@@ -34,7 +34,7 @@ class CellPoint(NamedTuple):
     std: float
     family: str
     soc: float
-    doubt: str
+    doubts: tuple
 
 
 def temperature_laws_of_type(resistances, settings=None, **changes):

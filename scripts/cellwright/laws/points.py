@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.messages import Said, doubts_in, said_of
+from cellwright.messages import Said, doubt_columns, doubts_in, said_of
 from cellwright.records.conditions import SAME_SOC, in_first_checkup, same_rate
 from cellwright.settings import Temperature
 
@@ -35,6 +35,23 @@ def doubts_of_test(row):
     """What speaks against a row of a test, with the test's name where it has one: tuple of Said."""
     test = row.get("test")
     return tuple(Said(f"{test}: {one}" if test else one, one.code) for one in doubts_in(row))
+
+
+def rows_of_points(points):
+    """Points as rows of a table: list of dict, what speaks against each as columns of doubt.
+
+    Parameters
+    ----------
+    points : list of Point, or of a cell's point among those of its type.
+    """
+    rows = [point._asdict() for point in points]
+    return [row | doubt_columns(row.pop("doubts")) for row in rows]
+
+
+def point_of(row):
+    """Point of a row of such a table."""
+    known = {name: row[name] for name in Point._fields if name in row}
+    return Point(**known, doubts=tuple(doubts_in(row)))
 
 
 def capacity_points(rows):

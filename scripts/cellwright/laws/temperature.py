@@ -12,6 +12,7 @@ from cellwright.laws.points import (
     impedance_points,
     mean_per_temperature,
     resistance_points,
+    rows_of_points,
     with_enough_temperatures,
 )
 from cellwright.messages import doubt_columns, said_of
@@ -53,7 +54,7 @@ def fitted_laws(points, notes=()):
     """Result of the laws over temperature that are fitted to points."""
 
     rows, reasons = law_rows(points)
-    return Result({"rows": rows, "points": points}, notes=(*notes, *reasons))
+    return Result({"rows": rows, "points": rows_of_points(points)}, notes=(*notes, *reasons))
 
 
 def fast_charge_laws(charges):
@@ -67,7 +68,7 @@ def fast_charge_laws(charges):
     points = fast_charge_points(inputs.entries(charges))
     found = fitted_laws(with_enough_temperatures(points))
     # Quantities known at two temperatures only have no law, but are points all the same.
-    return found._replace(tables=found.tables | {"points": points})
+    return found._replace(tables=found.tables | {"points": rows_of_points(points)})
 
 
 def falling_range(b1, b2, b3):
@@ -292,7 +293,7 @@ def law_rows(points):
     Refusal
         No quantity could be fitted; the reasons are named.
     """
-    # ASSUME: What is in ohm falls as it warms; capacities and times may have a maximum.
+    # ASSUME: A resistance falls as the cell warms; capacities and times may have a maximum.
     rows, reasons, quadratics = [], [], {}
     for quantity, quantity_points in grouped(points, lambda point: point.quantity).items():
         try:

@@ -147,8 +147,8 @@ def generalised_line(columns, target, covariance):
 CORRELATIONS = np.concatenate([[0.0], np.linspace(0.05, 0.95, 19)])
 
 
-# ASSUME: What neighbouring cycles have in common beyond fade and temperature forgets itself
-# exponentially with time (Ornstein-Uhlenbeck noise).
+# ASSUME: What neighbouring cycles have in common beyond fade and temperature decays exponentially
+# with time (Ornstein-Uhlenbeck noise).
 def coloured_line(columns, target, place):
     """Generalised least squares with exponentially correlated noise of unknown correlation.
 

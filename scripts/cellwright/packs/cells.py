@@ -223,8 +223,8 @@ def _entries(kind, p, capacity_ampere_hour, stretch):
         ]
     if "m_volt" in p:
         # ASSUME: In a pack small loops of a hysteresis do not close; along a whole charge or
-        # discharge that is the same. A zero-state one turns over a fifty-thousandth of the
-        # capacity: at once under any load, and yet with a slope for Newton's method.
+        # discharge this makes no difference. A zero-state one turns within a fifty-thousandth of
+        # the capacity: at once under any load, and yet with a slope for Newton's method.
         charge = p.get("charge_ampere_hour", at_once + 2e-5 * capacity_ampere_hour)
         return [{"hysteresis_volt": p["m_volt"], "hysteresis_ampere_hour": charge}]
     if "r_charge_ohm" in p:

@@ -16,7 +16,8 @@ COARSE_SHARE = LOST_SHARE  # of a charge: less that a start or a digit hides is 
 BEYOND_VOLT = 0.03  # a tester ends a load within its own sampling and lead drop of the cut-off
 DRIFT_SHARE = 0.02  # within which any tester holds a current; its noise is less in the median
 UNFINISHED_C_RATE = 0.1  # a hold that a record ends in above it was not finished
-# ASSUME: A good cell gives half of its rating up to 1.2C from 10 °C on, up to C/10 from −20 °C on.
+# ASSUME: A good cell gives at least half of its rating: at up to 1.2C from 10 °C on, at up to C/10
+# from −20 °C on.
 COLD_CELSIUS, FAST_C_RATE = 10.0, 1.2
 COLDEST_CELSIUS, SLOW_C_RATE = -20.0, 1 / 10
 THERMOMETER_KELVIN = 10.0  # between a thermometer at the start and the stated temperature

@@ -225,7 +225,7 @@ def _doubts(columns, of_rows, rated, against_soc):
     return found
 
 
-# ASSUME: Kinetics and heat make a resistance fall with the rate; it rises by a tenth at no rate.
+# ASSUME: Kinetics and heat make a resistance fall as the rate rises; it never rises by a tenth.
 def _rises(columns):
     """In words for each row, that a prompt resistance rises with the rate at one SoC; at both."""
     found = np.full(len(columns["soc"]), "", dtype=object)
@@ -244,7 +244,8 @@ def _rises(columns):
     return found
 
 
-# ASSUME: A load of 1C moves a cell by less than 0.2 V at once, but in the cold or near empty.
+# ASSUME: A load of 1C moves the voltage by less than 0.2 V at once, except in the cold or near
+# empty.
 def _as_c_rates(columns, rated):
     """In words, that the currents may be C-rates: round as such, not as multiples of the rating."""
     prompt = columns["actual_delay_second"] <= PROMPT_SECOND

@@ -28,7 +28,8 @@ from cellwright.result import Result
 
 REPEAT_SHARE = 0.03  # by which one cell's capacity at one rate repeats, over testers and days
 SLOWER_SHARE = 0.02  # by which a slower load may give less than a faster one: rests, self-discharge
-# ASSUME: Up to 1.2C and from 10 °C on a good cell gives three quarters of what it gives slowly.
+# ASSUME: From 10 °C on, a good cell gives at up to 1.2C at least three quarters of its slow
+# capacity.
 LEAST_SHARE, FASTEST_C_RATE, COLDEST_CELSIUS = 0.75, 1.2, 10.0
 FASTER, WARM_KELVIN = 1.5, 3.0  # a load that warms a cell by less says little of another one
 WARMED_KELVIN = 5.0  # by its own load: a warmer cell gives more
@@ -441,7 +442,7 @@ def _lost_to_rate(here, there):
     return warm & usual & little & ~same_rate(here.c_rate, there.c_rate)
 
 
-# ASSUME: Losses grow with the square of the current; of a load so much faster they double.
+# ASSUME: Losses grow with the square of the current; at 1.5 times the current they double.
 def _warms_less(here, there):
     """A faster load warms a cell, above its chamber, by less than half of what a slower one did."""
     first, second = (one.temperature_mean_celsius - one.celsius for one in (here, there))

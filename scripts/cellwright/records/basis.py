@@ -173,7 +173,8 @@ def _load(curve):
     return float(f"{largest:.2g}")
 
 
-# ASSUME: Tests whose rests make OCV curves begin equally full, and charge from full tells the OCV.
+# ASSUME: Tests whose rests make OCV curves all begin equally full; the charge counted from full
+# gives the SoC of their OCV.
 def _on_scale(curve, capacity, lower_cutoff_volt):
     """An OCV curve over the SoC of another capacity; below its lowest SoC on its end slope."""
     soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
@@ -191,8 +192,8 @@ def _on_scale(curve, capacity, lower_cutoff_volt):
     }
 
 
-# ASSUME: A cell that nobody measured holds anything that cells of its rating do, from half to 1.15
-# times it; a state of health that its sheet states is right within five hundredths.
+# ASSUME: A cell whose capacity was never measured holds what cells of its rating do, half to 1.15
+# times the rating; a state of health in its sheet is right within 0.05.
 def stated_std_ampere_hour(capacity_ampere_hour, state_of_health=None):
     """Standard deviation of a `stated_capacity` [Ah].
 
@@ -309,8 +310,8 @@ def _youngest_rested(row):
     return row["cycle"] or 0, is_unsure(row), not np.isfinite(row.get(RESTED, np.nan))
 
 
-# ASSUME: A cell loses to rate what the cell or the age that it is compared with loses, corrected by
-# what both still hold after their rests, by one curve.
+# ASSUME: A cell loses the same share of its capacity to the rate as the cell or age that it is
+# compared with, corrected by what both still hold after their rests.
 def carried(row, other, slow, curve):
     """Slow capacity of a cell from its discharge at a rate, by another's discharge made alike.
 

@@ -54,7 +54,8 @@ RELAXED_SECOND = 600.0  # of load before a rest, by which its direction is told
 THERMOMETER_KELVIN = 10.0  # by which a cell at rest is no warmer or colder than its chamber
 BLANK_INTERVALS = 20  # between a thermometer's readings: in more of them it showed nothing
 MANY = 10  # places at which a channel fails: it is then trusted nowhere
-# ASSUME: Of the rating a cell gives so much; sheets hold nominal, minimal and typical capacities.
+# ASSUME: A good cell gives 0.5 to 1.15 times its rating; sheets hold nominal, minimal and typical
+# capacities.
 RATING_SHARE = (0.5, 1.15)
 # ASSUME: No full cell ends below 2 V; none that ends below 3 V is discharged below 0.5 V. Negative
 # electrodes are cycled so against a metal: lithium, sodium, potassium.

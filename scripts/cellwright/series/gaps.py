@@ -13,8 +13,8 @@ LEAST_ROWS = 4
 FIRST_REACH = 64  # rows beside a gap that are looked at first
 LEAST_SHARE = 0.001  # of all charge: gaps with less are not worth a sentence
 FLOOR_VOLT = 0.002  # no verdict hangs on less: contacts, temperature
-# ASSUME: A load that went on moves the voltage by at least half of what the slopes beside the gap
-# say; a rest leaves less than a quarter of it: the polarisation comes back, the charge does not.
+# ASSUME: If the load went on in a gap, the voltage moves by at least half of what the slopes beside
+# the gap say; in a rest by less than a quarter, since polarisation recovers and charge does not.
 RAN_SHARE, RESTED_SHARE = 0.5, 0.25  # a voltage that comes back says so by itself
 
 

@@ -24,6 +24,7 @@ from cellwright.messages import said_of
 from cellwright.refusal import Refusal
 from cellwright.series.cleaning import CLEAN
 from cellwright.series.doubts import Doubt, against_counter
+from cellwright.series.messages import say
 from cellwright.series.repeated import repeated_rows
 from cellwright.series.sign import MAGNITUDES, NO_CURRENT, OPPOSED, Sign, current_sign, is_reading
 from cellwright.series.steps import silent_before
@@ -140,10 +141,11 @@ def _clock_shift(before: Mapping, after: Mapping, number: int) -> tuple[float, s
                 "files must be given in time order"
             )
         shift = end + max(pause, interval) - start
-        return shift, f"file {number} follows after {pause:g} s (dates)"
+        return shift, say("files.by_dates", number=number, second=pause, before=number - 1)
     # A clock that had started anew would show about one sampling interval in its first row.
     if start > end and start > 2 * interval:
-        return 0.0, f"file {number} follows after {start - end:g} s (its clock goes on)"
+        about = {"number": number, "second": start - end, "before": number - 1}
+        return 0.0, say("files.clock_goes_on", **about)
     # ASSUME: A file without dates whose clock starts anew follows the one before at once.
     return end + interval - start, f"file {number} put behind file {number - 1}: pause not known"
 

@@ -20,10 +20,10 @@ from cellwright.effects.library.vocabulary import Effect, Parameter, Tie, number
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS
 
-# ASSUME: Resistances of a cell that warms itself fall with 30 kJ/mol. What data of one chamber
-# temperature show is the product of this and the thermal resistance.
+# ASSUME: In a cell that warms itself resistances fall with an activation energy of 30 kJ/mol. Data
+# of one chamber temperature show only the product of this and the thermal resistance.
 OWN_HEAT_JOULE_PER_MOLE = 30e3
-# ASSUME: That energy is sure to four tenths, for the searched resistances of real cells
+# ASSUME: That energy is known within four tenths: resistances of real cells that were searched
 # (docs/missing-effect.md) have 27 to 39 kJ/mol.
 OWN_HEAT_RELATIVE = 0.4
 COLD_CELSIUS = -20.0

@@ -236,8 +236,8 @@ def _whitened(limits, curve, pair, errors):
 
 def _expected(curve, pair):
     """Expected shift [V] and shares [1], and their standard deviations."""
-    # ASSUME: What is said of the share of a blend, by the user or by nobody, is right to 10 % of
-    # the electrode's lithium; the curve tells it better where it tells it.
+    # ASSUME: A share of a blend, stated or by default, is right within 10 % of the electrode's
+    # lithium.
     expected = np.array([0.0, 0.0, *(blend.share for blend in pair.blends)])
     return expected, np.array([*SHIFT_STD_VOLT[curve.branches], *[0.1] * len(pair.blends)])
 

@@ -242,8 +242,8 @@ def half_cell(name, own=None):
         return materials[0]
     if len(materials) > 2:
         raise Refusal(f"{name}: a blend of {len(materials)}, wanted two; {BLEND_FORM}")
-    # ASSUME: Silicon beside graphite, or the second of another blend, holds some 10 % of an
-    # electrode's lithium where nobody says more.
+    # ASSUME: Silicon beside graphite, or the second part of another blend, holds about 10 % of an
+    # electrode's lithium if nothing is stated.
     return blended(*materials, share=0.1 if share is None else _number(share, name))
 
 

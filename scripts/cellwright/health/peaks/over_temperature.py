@@ -16,7 +16,7 @@ SIGMA_VOLT = 0.01  # all curves are smoothed alike, against the ripples of a cha
 SHIFT_TOLERANCE_VOLT = 0.04
 
 
-# ASSUME: Between temperatures the peaks keep their order, and move by about as much.
+# ASSUME: Between temperatures the peaks keep their order, and all move by about the same voltage.
 def match_peaks(reference, other, *, end_volt=np.inf):
     """Peaks of one curve matched with those of another, at another temperature.
 

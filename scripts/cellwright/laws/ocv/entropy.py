@@ -84,10 +84,10 @@ def slow_readings(curves):
     extra = gap - np.nanmin(np.where(np.isfinite(gap), gap, np.inf), axis=1, keepdims=True)
     # What all temperatures have of the gap is hysteresis, which falls out of differences.
     common = extra / np.sqrt(3)
-    # ASSUME: By which share of the gap the OCV is off its reading is the same at all temperatures
-    # but for a tenth of what it can be (where the likelihood of A123's five slow tests is highest);
-    # where overpotential exceeds the thermal voltage of 25 mV, kinetics are not linear, and that
-    # part grows with it.
+    # ASSUME: The OCV lies at the same share of the gap between the branches at all temperatures,
+    # within a tenth of its possible range (where the likelihood of A123's five slow tests is
+    # highest). Where the overpotential exceeds the thermal voltage of 25 mV, kinetics are not
+    # linear, and the difference grows with it.
     scatter = 0.1 * common * np.maximum(common / 0.025, 1.0)
     celsius = np.array([curve["ambient_temperature_celsius"] for curve in both], float)
     return Readings(

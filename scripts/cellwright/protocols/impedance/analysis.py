@@ -409,10 +409,8 @@ def _notes(row, fit, trusted, used, off_course):
     for top, arc in tops(fit):
         # Slower ones are how the circuit writes a tail.
         if top >= hertz and not used.min() <= top <= used.max():
-            yield (
-                f"the arc of {fit.names[arc.r[0]]} has its top at {top:.3g} Hz, outside the "
-                f"frequencies fitted ({used.min():.3g} to {used.max():.3g} Hz): extrapolated"
-            )
+            about = {"arc": fit.names[arc.r[0]].removesuffix("_ohm").upper(), "top": top}
+            yield say("impedance.arc_outside", low=used.min(), high=used.max(), **about)
     if reason := why_inseparable(fit, hertz):
         yield f"charge transfer and diffusion cannot be told apart: {reason}"
     if off_course:

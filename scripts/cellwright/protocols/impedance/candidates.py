@@ -37,8 +37,8 @@ def with_inductance(circuit, impedance_ohm):
     return circuit if has or not (impedance_ohm.imag > 0).any() else f"{LEADS}-{circuit}"
 
 
-# ASSUME: What the Kramers-Kronig test leaves of a spectrum is its noise; a circuit that leaves
-# more than twice as much is not that of the cell.
+# ASSUME: The residual of the Kramers-Kronig test is the noise of a spectrum; a circuit that leaves
+# more than twice as much does not describe the cell.
 MISSES = 2.0
 
 

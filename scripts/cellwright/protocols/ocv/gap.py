@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cellwright.protocols.messages import say
 from cellwright.records.conditions import SAME_CELSIUS, stated_or_reference
 
 
@@ -80,7 +81,7 @@ def largest_hysteresis(basis, celsius, knots, *, prompt_ohm=0.0):
     # ASSUME: No hysteresis exceeds half the gap, polarisation included, of a slow test of the same
     # cell at another temperature.
     if basis["borrowed_from"] is not None:
-        return None, f"not bounded: the OCV is that of {basis['borrowed_from']}"
+        return None, say("gap.borrowed", cell=basis["borrowed_from"])
     bounds = {}
     for curve in basis["ocv"]:
         if half_gap(curve)[0].size:
@@ -88,12 +89,12 @@ def largest_hysteresis(basis, celsius, knots, *, prompt_ohm=0.0):
             own_ohm = prompt_ohm if abs(apart) <= SAME_CELSIUS else 0.0
             bounds[curve["test"]] = _largest_by(curve, np.asarray(knots), own_ohm)
     if not bounds:
-        return None, "not bounded: no slow test both ways"
+        return None, say("gap.none")
     tests, sizes = list(bounds), np.array([volt for volt, _ in bounds.values()])
     most = sizes.min(axis=0)
     named = [tests[k] + bounds[tests[k]][1] for k in np.unique(sizes.argmin(axis=0))]
-    words = f"at most half the gap of {' and '.join(named)}, {1e3 * most.min():.0f}"
-    return most, f"{words} to {1e3 * most.max():.0f} mV"
+    low, high = 1e3 * most.min(), 1e3 * most.max()
+    return most, say("gap.bound", low=low, high=high, tests=" and ".join(named))
 
 
 def _largest_by(curve, knots, prompt_ohm):
@@ -108,9 +109,9 @@ def _largest_by(curve, knots, prompt_ohm):
     off = np.maximum(at_once_volt, drop_volt) * np.ones(len(knots))
     most = np.maximum(widest - off, 0.0) + 3e-3
     if at_once_volt and at_once_volt >= off.max():
-        return most, f" less the {1e3 * at_once_volt:.0f} mV that come at once"
+        return most, say("gap.at_once", volt=1e3 * at_once_volt)
     if off.any():
-        return most, f" less {1e3 * off.min():.2g} to {1e3 * off.max():.2g} mV over the resistance"
+        return most, say("gap.ohmic", low=1e3 * off.min(), high=1e3 * off.max())
     return most, ""
 
 
