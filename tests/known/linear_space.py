@@ -21,7 +21,7 @@ class Filters:
 
 def effect(name, *, size=1.0, lower=-10.0, **changes):
     parameter = Parameter("size", "V", 0.0, lower, 10.0, step=0.1, plausible=size)
-    made = Effect(name, "", (parameter,), "reading", lambda fields, stack, p: fields)
+    made = Effect(name, (parameter,), "reading", lambda fields, stack, p: fields)
     return made._replace(**changes)
 
 

@@ -53,20 +53,16 @@ def candidates(predict, prediction, values, library):
     -------
     candidates : list of Candidate.
     """
-    return [
-        _candidate(predict, prediction, values, effect, start)
-        for effect in library
-        for start in effect.starts
-    ]
-
-
-def _candidate(predict, prediction, values, effect, start):
-    first = neutral(effect) | {f"{effect.key}.{name}": size for name, size in start.items()}
-    sizes = sizes_of(effect)
-    absent = first | {name: p.neutral for p, name in sizes}
-    columns = []
-    for p, name in sizes:
-        step = start.get(p.name, p.step)
-        moved = predict(values | absent | {name: p.neutral + step}, effect)
-        columns.append((moved - prediction) / step)
-    return Candidate(effect, tuple(name for _, name in sizes), first, np.stack(columns, axis=1))
+    found = []
+    for effect, start in [(one, start) for one in library for start in one.starts]:
+        first = neutral(effect) | {f"{effect.key}.{name}": size for name, size in start.items()}
+        sizes = sizes_of(effect)
+        absent = first | {name: p.neutral for p, name in sizes}
+        columns = []
+        for p, name in sizes:
+            step = start.get(p.name, p.step)
+            moved = predict(values | absent | {name: p.neutral + step}, effect)
+            columns.append((moved - prediction) / step)
+        names = tuple(name for _, name in sizes)
+        found.append(Candidate(effect, names, first, np.stack(columns, axis=1)))
+    return found

@@ -85,15 +85,13 @@ def missing_effect(
     Source: docs/missing-effect.md.
     """
     library = LIBRARY if library is None else library
-    settings = _settings(settings, split_rest_second, changes)
+    options = _options(settings, split_rest_second, changes)
     cell, basis, tests = _record_of(cell, basis, tests)
     model = None if model is None else given.model(model)
     others = None
     if measurements is not None:
         rows = {name: inputs.rows(table) for name, table in measurements.items()}
         others = Others(rows, basis, ambient_celsius or {})
-    gates, tolerance = settings_of(settings)
-    options = {"tolerance": tolerance, "gates": gates, "settings": settings}
     base_name, used, note = "plain", (), ()
     if simulated is not None:
         simulated = {test: Simulated(*one) for test, one in simulated.items()}
@@ -112,7 +110,7 @@ def missing_effect(
         healthy = [Reference(*_record_of(*reference)) for reference in references]
         case, used, note = _paired(ready.case, healthy, options)
     # A plain model with its effects is one to choose: it is fitted again without blocks.
-    split = settings["split_rest_second"] if base_name == "plain" else None
+    split = split_rest_second if base_name == "plain" else None
     names = {"split_rest_second": split, "base_name": base_name, "others": others}
     finding = of_case(cell.cell, case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
@@ -125,9 +123,13 @@ def _record_of(cell, basis, tests):
     return inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
 
 
-def _settings(settings, split_rest_second, changes):
-    search = inputs.settings_of(MissingEffect, settings, changes)
-    return search._asdict() | {"split_rest_second": split_rest_second}
+def _options(settings, split_rest_second, changes):
+    """What `prepared` takes beside the tests: tolerance, gates by their names in the settings, and
+    settings."""
+    search = inputs.settings_of(MissingEffect, settings, changes)._asdict()
+    gates = Gates(**{name: search[name] for name in Gates._fields if name in search})
+    search |= {"split_rest_second": split_rest_second}
+    return {"tolerance": base.Tolerance(), "gates": gates, "settings": search}
 
 
 def prepared_case(
@@ -140,9 +142,7 @@ def prepared_case(
     Returns `effects.case.Case`. Raises Refusal: no OCV, no test to fit, or none for validation.
     Source: docs/missing-effect.md.
     """
-    plain = _settings(settings, split_rest_second, changes)
-    gates, tolerance = settings_of(plain)
-    options = {"tolerance": tolerance, "gates": gates, "settings": plain}
+    options = _options(settings, split_rest_second, changes)
     # Read before the kinds are chosen: impedance spectra have no columns of a series.
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = [one for one in known if one[0].kind in (SLOW_TEST, *KINDS)]
@@ -171,12 +171,6 @@ def _paired(case, references, options):
             "the references show, were taken"
         )
     return pair.case, list(pair.references), tuple(notes)
-
-
-def settings_of(settings):
-    """Gates from the settings of a campaign, by their names, and the tolerances."""
-    gates = Gates(**{name: settings[name] for name in Gates._fields if name in settings})
-    return gates, base.Tolerance()
 
 
 def of_case(name, case, library, *, split_rest_second=None, base_name="plain", others=None):

@@ -311,15 +311,20 @@ def space_of(case, yardstick, state, free, possible, further):
     further : effects that may join it.
     """
     effects, solution, filters = state.effects, state.solution, yardstick.filters
-    ends = {"fit": solution.values, "validation": state.values}
-    at = {
-        "fit": solution.prediction,
-        "validation": case.predict("validation", state.values, effects),
+    judging_at = case.predict("validation", state.values, effects)
+    ends = {
+        "fit": (solution.values, solution.prediction),
+        "validation": (state.values, judging_at),
     }
-    lined_up = {
-        side: candidates_beside(case, side, ends[side], at[side], effects, possible, further)
-        for side in ends
-    }
+    lined_up, changes = {}, {}
+    for side, (values, at) in ends.items():
+        lined_up[side] = candidates_beside(case, side, values, at, effects, possible, further)
+        rests = [tuple(e for e in effects if e is not effect) for effect in effects]
+        without = [case.predict(side, values, rest) - at for rest in rests]
+        changes[side] = [
+            *(one.columns for one in lined_up[side]),
+            *(change[:, None] for change in without),
+        ]
     terms, count = [], len(solution.names)
     for effect in effects:
         own = [k for k, name in enumerate(solution.names) if name in effect.names]
@@ -329,26 +334,12 @@ def space_of(case, yardstick, state, free, possible, further):
         terms.append(Term(one.effect, one, columns, _form(one.effect, one.start)))
         count += len(one.sizes)
     taken_out = {k: count + k for k in range(len(effects))}
-    without = {
-        side: [
-            case.predict(side, ends[side], tuple(e for e in effects if e is not effect)) - at[side]
-            for effect in effects
-        ]
-        for side in ends
-    }
-    changes = {
-        side: [
-            *(one.columns for one in lined_up[side]),
-            *(change[:, None] for change in without[side]),
-        ]
-        for side in ends
-    }
     fit_side = [solution.white, solution.whitened[:, None]]
     if changes["fit"]:
         fit_side.insert(1, filters.fit.apply(np.concatenate(changes["fit"], axis=1)))
-    moved = _derivatives(case, state, at["validation"], free)
+    moved = _derivatives(case, state, judging_at, free)
     judging = filters.validation.apply(np.concatenate([moved, *changes["validation"]], axis=1))
-    unsure = case.unsure(state.values, effects, at["validation"])
+    unsure = case.unsure(state.values, effects, judging_at)
     judging = unsure.taken_out_of(judging, filters.validation)
     judging = np.concatenate([judging, state.validation_white[:, None]], axis=1)
     blocks = yardstick.blocks

@@ -95,12 +95,6 @@ def structural_ties():
     return [(effect.id, tie) for effect in LIBRARY.values() for tie in effect.ties]
 
 
-def tie_between(effect, other):
-    """The structural tie between two ids, in any order: vocabulary.Tie or None."""
-    pairs = (({name, tie.partner}, tie) for name, tie in structural_ties())
-    return next((tie for pair, tie in pairs if pair == {effect, other}), None)
-
-
 def _partners(effect, library, values):
     """Ids of the partners of an effect by ties that hold always: those no search could weigh.
 

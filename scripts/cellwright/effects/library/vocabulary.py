@@ -143,11 +143,6 @@ class Effect(NamedTuple):
         """Values of its parameters by their names within the effect, from those of a model."""
         return {p.name: values[n] for p, n in zip(self.parameters, self.names, strict=True)}
 
-    def set_by_starts(self, start):
-        """Names of the parameters of a start that the effect's starts give."""
-        stated = {name for values in self.starts for name in values}
-        return {name for name in start if name.rpartition(".")[2] in stated}
-
 
 def worded(*effects):
     """Effects with their words, those that an entry does not bring itself from messages.toml."""
