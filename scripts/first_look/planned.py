@@ -61,8 +61,8 @@ def lines_of(options):
     )
     if misfit_volt is not None:
         yield (
-            f"The model's structure misses blocks left out of its fit by {1e3 * misfit_volt:.2g} mV "
-            "beside that; no test lowers it"
+            "The model's structure misses blocks left out of its fit by "
+            f"{1e3 * misfit_volt:.2g} mV beside that; no test lowers it"
         )
     if options.csv:
         with open(options.csv, "w", encoding="utf-8", newline="") as file:
@@ -73,7 +73,7 @@ def lines_of(options):
 
 
 def _known(options):
-    """What is known of the cell, that in words, and the RMS error of left-out blocks [V] or None."""
+    """What is known of the cell, in words too, and RMS error of left-out blocks [V] or None."""
     by_rating = options.rating is not None or options.cutoffs is not None
     if options.folder and by_rating:
         raise Refusal(
