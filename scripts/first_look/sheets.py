@@ -3,12 +3,17 @@
 import csv
 import hashlib
 import re
+import shlex
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import yaml
 
+from cellwright.records.kinds import half_cycles
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
+from runtime.campaign_check import files_below
 
 CELLS = (
     "cell",
@@ -16,25 +21,65 @@ CELLS = (
     "rated_capacity_ampere_hour",
     "lower_cutoff_volt",
     "upper_cutoff_volt",
+    "note",
 )
-TESTS = ("cell", "test", "kind", "file", "ambient_temperature_celsius", "sha256", "note")
-CELSIUS = re.compile(r"(?<![A-Za-z\d])(n|-|m)?(\d{1,2})(?:\.0)?\s?_?(?:deg)?C(?![A-Za-z])")
+TESTS = ("cell", "test", "kind", "file", "ambient_temperature_celsius", "role", "sha256", "note")
+# Temperatures in names. Without `deg` a rate looks the same: of these only those are taken that are
+# signed, 0, or above the rates of full tests.
+DEGREES = re.compile(r"(?<![A-Za-z\d.])(n|-|m)?(\d{1,2})(?:\.0)?[\s_]?(?:deg|°)[\s_]?C(?![A-Za-z])")
+SIGNED = re.compile(r"(?<![A-Za-z\d.])(n|-|m)(\d{1,2})(?:\.0)?_?C(?![A-Za-z])")
+BARE = re.compile(r"(?<![A-Za-z\d.])()(0|[1-9]\d)(?:\.0)?_?C(?![A-Za-z])")
+BLANKS = re.compile(r"[_\s]+")
+# Words that name no cell: temperatures, rates, numbers, dates, kinds of test, drives, folders.
+NO_CELL = re.compile(
+    r"[nm+-]?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d+|"
+    r"(slow|full|quasi)?-?(dis)?ch(arge|g)?s?|cap(acity)?|cyc(le|ling)?s?\d*|(c-?)?rates?|"
+    r"p?ocv|hppc|gitt|pitt|dcir|dyn(amic)?|pulses?|eis|peis|geis|ica|impedance|spectr(a|um)|"
+    r"drives?|udds|us06|hwfet|hwcust|la92|wltp|wltc|nedc|fuds|dst|bjdst|nn|mixed\d*|random\d*|"
+    r"profiles?|ag(e|ing|eing)|rests?|relax(ation)?|fast-?charge|check-?ups?\d*|rpt\d*|raw|data|"
+    r"tests?\d*|files?|csv|txt|exports?|results?|temp(erature)?|start|end|validation|fit",
+    re.IGNORECASE,
+)
+NUMBER = re.compile(r"#?\d+")
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
 SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
+OVERSHOOT_VOLT = 0.01  # by which a reading may lie beyond the cut-off that stopped the tester
+SHOWN = 5  # files or names that are named
 
 
-def draft(folder) -> tuple[list[dict], list[dict], list[str]]:
+class Full(NamedTuple):
+    """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge."""
+
+    low_volt: float
+    high_volt: float
+    charge_ampere_hour: float
+    test: str
+
+
+class Found(NamedTuple):
+    """What the files of a folder hold.
+
+    tests : rows of tests.tsv. full : of each cell `Full` tests. highest_volt : of each cell in any.
+    left_out : reason → files.
+    """
+
+    tests: list[dict]
+    full: dict[str, list[Full]]
+    highest_volt: dict[str, float]
+    left_out: dict[str, list[str]]
+
+
+def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
     """Rows of cells.tsv and tests.tsv for all files below a folder, and what was left out, why.
 
-    A cell is named by the folder in which its files lie, where there are several such folders, else
-    by what its files' names begin with.
+    A cell is named by the innermost folder whose name holds more than temperatures and kinds of
+    test, where files lie in several; else by what its files' names begin with; else by a folder
+    around all of them.
     """
-    folder = Path(folder)
-    found = [path for path in sorted(folder.rglob("*")) if not path.is_dir()]
-    paths = [path for path in found if _is_raw(path.relative_to(folder))]
-    tests, ends, left_out = [], {}, []
-    many = len({path.parent for path in paths}) > 1
+    folder = Path(folder).resolve()
+    paths = [folder / file for file in files_below(folder)]
+    found, common = Found([], {}, {}, {}), _common_folder(folder, paths)
     for path in paths:
         place = path.relative_to(folder).as_posix()
         try:
@@ -43,19 +88,12 @@ def draft(folder) -> tuple[list[dict], list[dict], list[str]]:
             seen = look(place, within=folder)
         except (Refusal, OSError) as reason:
             said = str(reason).removeprefix(f"{place}: ").removeprefix(f"{path.name}: ")
-            left_out.append(f"{place}: {said}")
+            found.left_out.setdefault(said, []).append(place)
             continue
-        cell = _plain(path.parent.name if many else re.split(r"[_\s.]", path.name)[0])
-        kind = seen.kinds[0][0] if seen.kinds else ""
-        if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            volt = seen.series["voltage_volt"]
-            ends.setdefault(cell, []).append((np.nanmin(volt), np.nanmax(volt)))
-        if not kind:
-            why = seen.refused or "its kind of test is not known from its steps"
-            left_out.append(f"{place}: {why}")
-            continue
-        tests.append(_row(cell, path, place, kind, seen))
-    return [_cell(name, ends.get(name, [])) for name in _names(tests)], _unique(tests), left_out
+        _take(found, path, place, _cell_of(path, common, folder), seen)
+    _propose_roles(found.tests)
+    cells = dict.fromkeys(row["cell"] for row in found.tests)
+    return [_cell(name, found) for name in cells], _unique(found.tests), found.left_out
 
 
 def write(folder) -> list[str]:
@@ -71,32 +109,109 @@ def write(folder) -> list[str]:
         if (config / name).exists():
             raise Refusal(f"{config / name} is there already; it is not overwritten")
     cells, tests, left_out = draft(folder)
+    unused = [f"left out: {_named(files)}: {reason}" for reason, files in left_out.items()]
     if not tests:
-        raise Refusal("no file of the folder can be used: " + "; ".join(left_out[:5]))
+        raise Refusal("\n".join(["no file of the folder can be used", *unused]))
     config.mkdir(exist_ok=True)
     _write(config / "cells.tsv", CELLS, cells)
     _write(config / "tests.tsv", TESTS, tests)
     if not (config / "config.yaml").exists():
-        (config / "config.yaml").write_text("", encoding="utf-8")
-    lines = [
+        title = yaml.safe_dump({"title": Path(folder).resolve().name}, allow_unicode=True)
+        (config / "config.yaml").write_text(title, encoding="utf-8")
+    cold = [f"{row['cell']} {row['test']}" for row in tests if _lacks_temperature(row)]
+    unknown = {
+        "cut-offs (no full test reaches them)": [
+            row["cell"] for row in cells if "upper_cutoff_volt" not in row
+        ],
+        "ambient_temperature_celsius": cold,
+    }
+    return [
+        *unused,
         f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft. Look at the names of",
-        "cells, kinds, temperatures and cut-offs; add chemistry and rating where you know them.",
+        "cells, kinds, temperatures, roles and cut-offs; write chemistry and rating of the cells.",
+        *[f"to be filled in, {what}: {_named(names)}" for what, names in unknown.items() if names],
+        f"next: ./run cellwright check {shlex.quote(str(folder))}",
     ]
-    unknown = [row["cell"] for row in cells if "lower_cutoff_volt" not in row]
-    if unknown:
-        lines.append(f"cut-offs to be filled in, no test reaches them: {', '.join(unknown)}")
-    return lines + [f"left out: {what}" for what in left_out]
 
 
-def _is_raw(place):
-    hidden = any(part.startswith(".") for part in place.parts)
-    return not hidden and place.parts[0] not in ("config", "results", "logs", "benchmarks")
+def _lacks_temperature(row):
+    return not row["ambient_temperature_celsius"] and row["kind"] != "eis"
+
+
+def _named(names):
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
+
+
+def _take(found, path, place, cell, seen):
+    """Add what one file holds."""
+    kind = _kind_of(path.name, [name for name, _ in seen.kinds])
+    if seen.series:
+        volt = seen.series["voltage_volt"]
+        low, high = float(np.nanmin(volt)), float(np.nanmax(volt))
+        found.highest_volt[cell] = max(found.highest_volt.get(cell, 0.0), high)
+        if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
+            charge = float(np.abs(half_cycles(seen.steps)[0]).max(initial=0.0))
+            found.full.setdefault(cell, []).append(Full(low, high, charge, path.name))
+    if kind:
+        found.tests.append(_row(cell, path, place, kind, seen))
+    else:
+        why = seen.refused or "its kind of test is not known from its steps"
+        found.left_out.setdefault(why, []).append(place)
+
+
+def _kind_of(name, kinds):
+    """The likeliest kind; of pulses that of the file's name, for few over SoC are no less HPPC."""
+    if "hppc" in name.lower() and kinds[:1] == ["pulse_resistance"]:
+        return "hppc"
+    return kinds[0] if kinds else ""
+
+
+def _common_folder(folder, paths):
+    """The innermost folder in which all files lie: its name tells no cell from another."""
+    levels = zip(*(path.parent.parts for path in paths), strict=False)
+    same = [level[0] for level in levels if len(set(level)) == 1]
+    return Path(*same) if same else folder
+
+
+def _cell_of(path, common, folder):
+    """Name of the cell of a file, see `draft`."""
+    inner = [_cell_words(part) for part in reversed(path.relative_to(common).parent.parts)]
+    outer = [_cell_words(part) for part in reversed(common.relative_to(folder.parent).parts)]
+    words = BLANKS.split(path.name.split(".")[0])
+    kinds = [k for k, word in enumerate(words) if NO_CELL.fullmatch(word) and k]
+    begins = "" if NO_CELL.fullmatch(words[0]) else "_".join(words[: min(kinds, default=1)])
+    return _plain(next(filter(None, (*inner, begins, *outer)), "cell"))
+
+
+def _cell_words(name):
+    """What of a folder's name may name a cell; a number belongs to the word before it."""
+    words = BLANKS.split(name)
+    names = [bool(word) and not NO_CELL.fullmatch(word) for word in words]
+    numbered = [k > 0 and names[k - 1] and NUMBER.fullmatch(w) for k, w in enumerate(words)]
+    return "_".join(
+        w.strip("#")
+        for w, name, number in zip(words, names, numbered, strict=True)
+        if name or number
+    )
+
+
+def _propose_roles(tests):
+    """Drives validate; where a cell has no pulses to be fitted, one at each temperature is."""
+    pulsed, drives = {row["cell"] for row in tests if row["kind"] == "hppc"}, {}
+    for row in tests:
+        row["role"] = "validation" if row["kind"] == "drive" else "fit"
+        if row["kind"] == "drive" and row["cell"] not in pulsed:
+            at = row["cell"], row["ambient_temperature_celsius"]
+            drives.setdefault(at, []).append(row)
+    for rows in drives.values():
+        rows[0]["role"] = "fit" if len(rows) > 1 else "split"
 
 
 def _row(cell, path, place, kind, seen):
-    named = CELSIUS.search(path.stem)
-    warm = float(named[2]) * (-1 if named[1] else 1) if named else celsius(seen.series)
-    others = ", ".join(name for name, _ in seen.kinds[1:])
+    named = _celsius_in([path.name, *reversed(Path(place).parent.parts)])
+    warm = celsius(seen.series) if named is None else named
+    others = ", ".join(name for name, _ in seen.kinds if name != kind)
     return {
         "cell": cell,
         "test": _plain(path.name.split(".")[0]),
@@ -108,17 +223,35 @@ def _row(cell, path, place, kind, seen):
     }
 
 
-def _cell(name, ends):
-    """A row of cells.tsv; the cut-offs are the ends of the voltages seen, to 0.05 V."""
-    low = min((e[0] for e in ends), default=np.nan)
-    high = max((e[1] for e in ends), default=np.nan)
-    shown = {"lower_cutoff_volt": low, "upper_cutoff_volt": high}
-    rounded = {k: round(v / STEP_VOLT) * STEP_VOLT for k, v in shown.items() if np.isfinite(v)}
-    return {"cell": name} | {k: f"{v:.2f}" for k, v in rounded.items()}
+def _celsius_in(names):
+    """Temperature in the first of some names that has one [°C]; None where none has."""
+    for name in names:
+        for pattern in (DEGREES, SIGNED, BARE):
+            if found := pattern.search(name):
+                return float(found[2]) * (-1 if found[1] else 1)
+    return None
 
 
-def _names(tests):
-    return list(dict.fromkeys(row["cell"] for row in tests))
+def _cell(name, found):
+    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass.
+
+    The rating is the largest charge of a half cycle, to two digits, which the note says.
+    """
+    row, full = {"cell": name}, found.full.get(name)
+    if not full:
+        return row
+    low = round(min(test.low_volt for test in full) / STEP_VOLT)
+    high = np.ceil((max(test.high_volt for test in full) - OVERSHOOT_VOLT) / STEP_VOLT)
+    # Where another test goes beyond, no full one went to the end.
+    if found.highest_volt[name] < (high + 1) * STEP_VOLT:
+        row["lower_cutoff_volt"] = f"{max(low * STEP_VOLT, 0.0):.2f}"
+        row["upper_cutoff_volt"] = f"{high * STEP_VOLT:.2f}"
+    largest = max(full, key=lambda test: test.charge_ampere_hour)
+    if largest.charge_ampere_hour > 0:
+        charge = largest.charge_ampere_hour
+        row["rated_capacity_ampere_hour"] = f"{float(f'{charge:.2g}'):g}"
+        row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {largest.test}"
+    return row
 
 
 def _unique(tests):

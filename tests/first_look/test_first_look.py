@@ -12,6 +12,7 @@ from cycler_texts import HOUR, RECORDS, text_of
 
 import cellwright as cw
 from cellwright.records.kinds import likely_kinds
+from first_look import sheets as first_sheets
 from first_look.__main__ import main
 from runtime import artefact
 
@@ -107,6 +108,93 @@ def test_init_drafts_sheets_and_overwrites_none(tmp_path, capsys):
     assert cells["upper_cutoff_volt"].between(4.1, 4.3).all()
     assert main(["init", str(tmp_path)]) == 1
     assert "is there already; it is not overwritten" in capsys.readouterr().err
+
+
+def read_sheet(path):
+    return pd.read_csv(path, sep="\t", dtype=str, keep_default_na=False).to_dict("records")
+
+
+def drafted(folder, *places, kind="capacity", volt=0.0):
+    """Rows of both sheets that `init` drafts of files at these places, and what it says."""
+    for place in places:
+        (folder / place).parent.mkdir(parents=True, exist_ok=True)
+        time, current, voltage = RECORDS[kind]
+        (folder / place).write_text(text_of(time, current, voltage + volt))
+    lines = first_sheets.write(folder)
+    return *(read_sheet(folder / f"config/{n}.tsv") for n in ("cells", "tests")), lines
+
+
+@pytest.mark.parametrize(
+    ("places", "cells"),
+    [
+        (("LF280 #3/25degC/cap 1C.csv", "LF280 #4/0 degC/cap.csv"), ["LF280_3", "LF280_4"]),
+        (("25degC/A7_cap.csv", "0degC/A7_cap.csv"), ["A7", "A7"]),
+        (("raw/A7_capacity_25C.csv", "raw/B 2 ocv.csv"), ["A7", "B"]),
+        (("hppc/0C_1C.csv", "rate/25C.csv"), ["Maker"] * 2),
+    ],
+)
+def test_a_cell_is_named_by_what_is_no_temperature_and_no_test(tmp_path, places, cells):
+    _, tests, _ = drafted(tmp_path / "Maker", *places)
+    found = {row["file"]: row["cell"] for row in tests}
+    assert [found[place] for place in places] == cells
+
+
+@pytest.mark.parametrize(
+    ("name", "celsius"),
+    [
+        ("cap_1C_25degC", 25.0),
+        ("cap_1C_40C", 40.0),
+        ("cap_1C", None),
+        ("cap_0.5C", None),
+        ("n10C_2C", -10.0),
+        ("3C_0C", 0.0),
+        ("-5 degC", -5.0),
+        ("5 °C", 5.0),
+    ],
+)
+def test_a_rate_in_a_name_is_no_temperature(name, celsius):
+    assert first_sheets._celsius_in([name]) == celsius
+
+
+def test_init_drafts_rating_cut_offs_title_and_the_next_command(tmp_path):
+    """1.98 Ah to two digits; from 3.0 to 4.25 V, of which the record goes to 4.2504 V."""
+    folder = tmp_path / "My cells"
+    cells, tests, lines = drafted(
+        folder, "A7_a.csv", volt=0.05 + 4.2 - RECORDS["capacity"][2].max()
+    )
+    assert cells[0]["rated_capacity_ampere_hour"] == "2"
+    assert cells[0]["upper_cutoff_volt"] == "4.25"
+    assert "1.978 Ah" in cells[0]["note"]
+    assert tests[0]["role"] == "fit"
+    assert (folder / "config/config.yaml").read_text() == "title: My cells\n"
+    assert lines[-1] == f"next: ./run cellwright check '{folder}'"
+
+
+def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
+    full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
+    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {})
+    assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
+    assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
+    slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
+    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {})
+    assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
+
+
+def test_drives_validate_and_one_is_fitted_where_there_are_no_pulses():
+    rows = [("A", "hppc", "25"), ("A", "drive", "25"), ("B", "drive", "25"), ("B", "drive", "25")]
+    rows = [*rows, ("B", "drive", "0"), ("B", "capacity", "0")]
+    names = ("cell", "kind", "ambient_temperature_celsius")
+    tests = [dict(zip(names, row, strict=True)) for row in rows]
+    first_sheets._propose_roles(tests)
+    roles = ["fit", "validation", "fit", "validation", "split", "fit"]
+    assert [row["role"] for row in tests] == roles
+
+
+def test_files_of_one_reason_are_one_line(tmp_path):
+    for name in ("a.txt", "b.txt"):
+        (tmp_path / name).write_text("nothing\n")
+    *_, lines = drafted(tmp_path, "A7.csv")
+    assert lines[0] == "left out: a.txt, b.txt: of no instrument known here"
 
 
 SERIES = ("test_time_second", "current_ampere", "voltage_volt")

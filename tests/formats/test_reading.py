@@ -224,7 +224,7 @@ REFUSED = {
     "labview no voltage": (LABVIEW.replace(b"Voltage", b"Pressure"), "no column 'voltage'"),
     "xlsx": (b"PK\x03\x04 .... xl/workbook.xml", "Excel workbook is cut off or damaged"),
     "ndax": (b"PK\x03\x04 .... data.ndc", "ndax archive is cut off or damaged"),
-    "unknown": (b"a,b\n1,2\n", "of no instrument known here; readers: bdf, arbin"),
+    "unknown": (b"a,b\n1,2\n", "of no instrument known here$"),
     "cut parquet": (b"PAR1" + b"x" * 50, "Parquet file is cut off"),
     "eis sign": (SPECTRUM.replace(b";-5;", b";5;").replace(b";-20;", b";20;"), r"-Im\(Z\)"),
     "eis in ohm": (SPECTRUM.replace(b";10;0.", b";10000;0."), "not in milliohm"),

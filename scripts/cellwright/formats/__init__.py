@@ -232,7 +232,7 @@ def detect(data: bytes | Content) -> str:
         "frequency and impedance: say what they hold as `columns` in tests.tsv, "
         f"{column_map.EXAMPLE}, or rename them, such as Time (s), Current (A), Voltage (V)"
     )
-    raise Refusal(f"{looks}{named if labels else ''}; readers: {', '.join(READERS)}")
+    raise Refusal(f"{looks}{named if labels else ''}")
 
 
 def _known(instrument: str) -> str:
