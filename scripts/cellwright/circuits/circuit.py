@@ -243,8 +243,8 @@ KINDS = {
     "diffusion": Kind(
         *(("soc_per_ampere", "tau_second"), _gain, _sphere),
         output="soc",
-        no_element="its diffusion element is a plane sheet, whose time constant also sets its size; "
-        "here it is a sphere with both",
+        no_element="its diffusion element is a plane sheet, whose time constant also sets its "
+        "size; here it is a sphere with both",
     ),
 }
 
