@@ -5,7 +5,7 @@ import pytest
 from pulse_rows import pulse
 
 from cellwright.laws.cold import cold_limit
-from cellwright.laws.points import impedance_points, resistance_points
+from cellwright.laws.points import impedance_points, resistance_points, rows_of_points
 from cellwright.laws.temperature import law_rows
 from cellwright.refusal import Refusal
 
@@ -51,7 +51,7 @@ def pulses(first, later, socs=(0.2, 0.5, 0.8)):
 
 
 def told(points):
-    return cold_limit(law_rows(points)[0], points).content
+    return cold_limit(law_rows(points)[0], rows_of_points(points)).content
 
 
 def test_charge_transfer_limits_the_cell_of_the_thesis():

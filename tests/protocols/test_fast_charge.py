@@ -116,4 +116,4 @@ def test_points_over_temperature_of_one_rate_as_the_contract_allows(tmp_path):
     points = cw.fast_charge_laws(rows).points
     path = tmp_path / "results" / "fast_charge_points" / "T1.parquet"
     artefact.write(path, points, {"reason": None})
-    assert list(artefact.load(path)["quantity"]) == [point.quantity for point in points]
+    assert list(artefact.load(path)["quantity"]) == [row["quantity"] for row in points]

@@ -58,7 +58,7 @@ def test_a_pulse_that_begins_later_than_all_others_of_its_record():
     assert late_among_others([0.1, 0.1, np.nan, 0.12]) == [""] * 4
     said = late_among_others([0.1, 0.1, np.nan, 2.0])
     assert said[:3] == [""] * 3
-    assert "comes 2 s after the rest, those of the record's other pulses 0.1 s" in said[3]
+    assert "comes 2 s after the rest, in the record's other pulses 0.1 s" in said[3]
 
 
 def test_after_a_load_nothing_is_said_of_the_begin():
