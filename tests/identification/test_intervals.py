@@ -91,9 +91,11 @@ def test_an_error_that_is_not_there_is_not_stated():
     model = with_intervals(*fitted(share=0.0))
     (entry,) = model["intervals"]
     assert (entry["model"], entry["rival"], entry["blocks"]) == ("2RC", None, 40)
+    assert entry["reading_volt"] == pytest.approx(1.645 * READING_VOLT, rel=0.1)
+    # Beside it what the instrument may count wrong is stated, and nothing else.
     held, half = shares(model, record(11, share=0.0)[0])
-    assert held == pytest.approx(0.9, abs=0.03)
-    np.testing.assert_allclose(half, 1.645 * READING_VOLT, rtol=0.2)
+    assert 0.88 < held < 0.97
+    assert half.mean() < 1.5 * entry["reading_volt"]
 
 
 def test_a_core_warmer_than_the_surface_is_doubted_only_where_the_surface_was_measured():
