@@ -196,10 +196,15 @@ def draw_validation(series, scores, test):
     error = 1e3 * (measured - simulated)
     residual.axhline(0.0, color=style.QUIET, linewidth=0.6)
     style.plot_thinned(residual, hours, error, color=style.SERIES[0], linewidth=0.7)
+    title = "Measured − simulated (grey: not scored)"
+    if "half_width_90_volt" in series:
+        half_width = 1e3 * series["half_width_90_volt"]
+        _interval(residual, hours, np.zeros(len(hours)), half_width, style.SERIES[0])
+        title = "Measured − simulated, stated 90 % interval shaded (grey: not scored)"
     style.shade_unscored(residual, hours, series["scored"])
     style.plot_thinned(current, hours, series["current_ampere"], color=style.QUIET, linewidth=0.6)
     voltage.set(ylabel="voltage [V]", title=f"{test}: model over measurement")
-    residual.set(ylabel="residual [mV]", title="Measured − simulated (grey: not scored)")
+    residual.set(ylabel="residual [mV]", title=title)
     current.set(ylabel="current [A]", xlabel="time [h]")
     # Shared by hand: the panel of errors below has an axis of its own.
     for panel in (residual, current):

@@ -101,6 +101,21 @@ def test_validation_shows_the_chosen_member_the_errors_of_all_and_greys_what_is_
     np.testing.assert_allclose([bar.get_width() for bar in members.patches], [10.0, 0.0])
 
 
+def test_the_stated_interval_is_shaded_about_no_error():
+    series = {"test_time_second": TIME, "current_ampere": TIME * 0, "voltage_volt": 3.7 + TIME * 0}
+    series |= {"simulated_2RC_volt": 3.7 + TIME * 0, "scored": TIME >= 0}
+    scores = [{"model": "2RC", "rmse_volt": 0.0, "chosen": True}]
+    without = panels(models.draw_validation(series, scores, "udds"))[1]
+    assert not without.collections
+    assert "interval" not in without.get_title(loc="left") + without.get_title()
+    wide = series | {"half_width_90_volt": 0.02 + TIME * 0}
+    residual = panels(models.draw_validation(wide, scores, "udds"))[1]
+    (band,) = residual.collections
+    edges = band.get_paths()[0].vertices[:, 1]
+    np.testing.assert_allclose([edges.min(), edges.max()], [-20.0, 20.0])
+    assert "interval" in residual.get_title(loc="left") + residual.get_title()
+
+
 def test_every_filter_is_drawn_once_with_its_band_where_it_has_one():
     series = {"test_time_second": TIME, "soc": 0.5 + 0 * TIME, "scored": TIME > 600}
     for name, level in (("coulomb", 0.2), ("aekf", 0.51)):

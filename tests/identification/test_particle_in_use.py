@@ -74,6 +74,11 @@ def test_an_unseen_drive_is_scored_and_simulated_with_it(model):
     scored = {row["model"]: row for row in cw.validate(*record).rows}
     assert scored["P"]["chosen"]
     assert scored["P"]["rmse_volt"] < 0.5 * scored["2RC"]["rmse_volt"]
+    # What predicts and what serves tables state how far they may be off, each against the other.
+    std = {name: scored[name]["voltage_std_volt"] for name in ("P", "2RC")}
+    assert 0.4 * scored["P"]["rmse_volt"] < std["P"] < 0.5 * std["2RC"]
+    assert 0.5 < std["2RC"] / scored["2RC"]["rmse_volt"] < 2.0
+    assert np.isnan(scored["1RC"]["share_within_90"])
     columns = {name: test.series[name] for name in ("test_time_second", "current_ampere")}
     simulated = cw.simulate(model, columns, initial_soc=1.0)
     assert simulated.member == "P"

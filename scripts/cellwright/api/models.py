@@ -6,6 +6,7 @@ from cellwright.effects.member import finished
 from cellwright.filters.learnt import with_learnt_noise
 from cellwright.identification.compensation import laws_kept, with_laws
 from cellwright.identification.in_use import beside_particle, fitted_records, marked, proved
+from cellwright.identification.intervals import with_intervals
 from cellwright.records import inputs
 from cellwright.result import Result
 from cellwright.settings import Models
@@ -57,7 +58,7 @@ def finish_model(
         fitted = fitted_records(content, *measured, **rest)
         content, choice = beside_particle(content, choice, fitted)
         records = [[one.record for one in condition] for condition in fitted]
-        content = with_learnt_noise(content, records)
+        content = with_intervals(with_learnt_noise(content, records), fitted)
     return _with_choice(content, choice)
 
 

@@ -11,18 +11,16 @@ import numpy as np
 from cellwright.circuits.circuit import member_named, size_of
 from cellwright.identification.messages import say
 from cellwright.identification.regression import held_out
-from cellwright.identification.validation import FAULT_VOLT
+from cellwright.identification.validation import FAULT_VOLT, MATERIAL_VOLT, NEAR
 from cellwright.numerics.compare import compare
 from cellwright.refusal import Refusal
 
 FOLDS = 4
 SMALLEST_VOLT2 = 1e-12
-NEAR = 1.1  # of rms errors that count as equal
 CLEAR = 1.0  # standard errors: the one-standard-error rule
 SURE = 2.0  # standard errors that are no chance: 95 %
 FAR = 2.0  # times the smallest error of a temperature: no member that errs by more is chosen
 UNUSABLE_VOLT = 0.1  # error from which on a model is of no use where the voltage counts
-MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 
 
 class Score(NamedTuple):

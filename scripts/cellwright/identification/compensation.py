@@ -18,7 +18,8 @@ from cellwright.circuits.model_file import (
 )
 from cellwright.circuits.temperature import LAW_IN_WORDS, LAWS, Laws, celsius_of
 from cellwright.identification.cell import identify
-from cellwright.identification.validation import is_inner, simulated
+from cellwright.identification.intervals import simulated
+from cellwright.identification.validation import is_inner
 from cellwright.numerics.statistics import rms
 from cellwright.records import inputs
 from cellwright.records.conditions import same_temperature

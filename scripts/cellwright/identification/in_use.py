@@ -18,8 +18,9 @@ from cellwright.identification.choice import (
 )
 from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
+from cellwright.identification.intervals import simulated
 from cellwright.identification.messages import say
-from cellwright.identification.validation import beyond_volt, is_inner, simulated
+from cellwright.identification.validation import beyond_volt, is_inner
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import at_cycle
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of

@@ -3,8 +3,10 @@
 import numpy as np
 
 from cellwright.circuits import inputs as given
-from cellwright.circuits.model_file import in_use, names_of, simulate_model
-from cellwright.numerics.statistics import rms
+from cellwright.circuits.model_file import in_use, names_of
+from cellwright.identification.intervals import beyond, fitted_at, half_width_volt, simulated
+from cellwright.identification.messages import say
+from cellwright.numerics.statistics import NORMAL_90, rms
 from cellwright.records import inputs
 from cellwright.records.basis import at_cycle
 from cellwright.records.record import laid_out
@@ -16,22 +18,9 @@ from cellwright.settings import Models
 MODELS = Models()
 
 FAULT_VOLT = 0.5  # a simulation so far outside what was measured has a fault, not an error
+NEAR = 1.1  # of rms errors that count as equal
+MATERIAL_VOLT = 1e-3  # accuracy of a good cycler: errors that differ by less are alike
 INNER_SOC = (0.05, 0.95)  # near empty and full the OCV is steep: an error of the SoC rules there
-
-
-def simulated(model, member, record):
-    """A member of a model simulated through a record, as the instrument reads it.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2. member : its name. record : Record.
-
-    Returns
-    -------
-    simulated : model_file.Simulated.
-    """
-    columns = (record.test_time_second, record.current_ampere, record.soc, record.celsius)
-    return simulate_model(model, member, *columns, kind=record.kind)
 
 
 def held_out(model, series, test, cell, *, split_rest_second=MODELS.split_rest_second):
@@ -60,30 +49,74 @@ def validate(model, record, *, repeats=None):
     if found is not None:
         elsewhere = rows_repeated(found, record.test, len(record.used))
         record = record._replace(used=record.used & ~elsewhere)
-    scored, rows, columns = record.used, [], {}
-    for name in names_of(model):
-        run = simulated(model, name, record)
-        columns[f"simulated_{name}_volt"] = run.voltage_volt
-        error = record.voltage_volt - run.voltage_volt
-        row = scores(error[scored], record.soc[scored])
-        row["beyond_volt"] = beyond_volt(record.voltage_volt, error)
-        outside = (run.extrapolated | run.outside_temperature)[scored]
-        parts = {"within": ~outside, "beyond": outside}
-        row |= {f"rmse_{part}_fitted_volt": rms(error[scored][at]) for part, at in parts.items()}
-        rows.append(
-            {"model": name, **row, "extrapolated": float(outside.mean())}
-            | {"chosen": name == in_use(model)}
-            | {"soc_start": float(record.soc[0]), "soc_anchor": record.anchor}
-        )
+    runs = {name: simulated(model, name, record) for name in names_of(model)}
+    half_volt = {name: half_width_volt(model, name, record, runs) for name in runs}
+    rows = [_row(model, name, record, runs[name], half_volt[name]) for name in runs]
     names = ("test_time_second", "current_ampere", "voltage_volt", "soc")
-    columns = {name: getattr(record, name) for name in names} | {"scored": scored} | columns
+    columns = {name: getattr(record, name) for name in names} | {"scored": record.used}
+    columns |= {f"simulated_{name}_volt": run.voltage_volt for name, run in runs.items()}
+    if half_volt[in_use(model)] is not None:
+        columns["half_width_90_volt"] = half_volt[in_use(model)]
     notes = [f"simulated at {record.temperature_source} temperature"]
     notes += [
         f"{row['model']} simulates {row['beyond_volt']:.2g} V outside what was measured: a fault"
         for row in rows
         if row["chosen"] and row["beyond_volt"] > FAULT_VOLT
     ]
+    notes += [words for row in rows if row["chosen"] and (words := below_in_words(row))]
     return Result({"rows": rows, "series": columns}, notes=tuple(notes))
+
+
+def _row(model, name, record, run, half_volt):
+    """Scores of one member; half_volt : (n,) half width of its interval [V], or None."""
+    scored, fitted = record.used, fitted_at(model, record.celsius)
+    error = (record.voltage_volt - run.voltage_volt)[scored]
+    places = {where: mask[scored] for where, mask in beyond(model, record, run).items()}
+    below = places.pop("below")
+    outside = np.any(list(places.values()), axis=0)
+    parts = {"within_fitted": ~outside, "beyond_fitted": outside}
+    parts |= {"below_fitted": below, "above_lowest_fitted": ~below}
+    row = {"model": name, **scores(error, record.soc[scored])}
+    row["beyond_volt"] = beyond_volt(record.voltage_volt, record.voltage_volt - run.voltage_volt)
+    row |= {f"rmse_{part}_volt": rms(error[at]) for part, at in parts.items()}
+    row |= {"extrapolated": float(outside.mean()), "below_fitted": float(below.mean())}
+    row |= {f"beyond_{where}": float(mask.mean()) for where, mask in places.items()}
+    row["lowest_fitted_soc"] = np.nan if fitted is None else float(fitted.low_soc[scored].mean())
+    row |= _of_interval(error, None if half_volt is None else half_volt[scored], ~outside)
+    return row | {
+        "chosen": name == in_use(model),
+        "soc_start": float(record.soc[0]),
+        "soc_anchor": record.anchor,
+    }
+
+
+def _of_interval(error_volt, half_volt, inside):
+    """Stated deviation of a simulation [V], rms, and what share of its samples lies within the
+    90 % interval, of all and of those inside what was fitted; NaN where there is none."""
+    names = ("voltage_std_volt", "share_within_90", "share_within_90_fitted")
+    if half_volt is None:
+        return dict.fromkeys(names, np.nan)
+    held = np.abs(error_volt) <= half_volt
+    shares = held.mean(), held[inside].mean() if inside.any() else np.nan
+    return dict(zip(names, map(float, (rms(half_volt) / NORMAL_90, *shares)), strict=True))
+
+
+def below_in_words(row):
+    """Sentence on what lies below the lowest fitted SoC where it moves the error; else "".
+
+    Parameters
+    ----------
+    row : of `validate`.
+    """
+    above = row["rmse_above_lowest_fitted_volt"]
+    if not row["below_fitted"] or not row["rmse_volt"] > max(NEAR * above, above + MATERIAL_VOLT):
+        return ""
+    below, low = row["rmse_below_fitted_volt"], row["lowest_fitted_soc"]
+    place = "" if np.isnan(low) else say("validation.lowest", soc=low)
+    volts = {"below": 1e3 * below, "above": 1e3 * above}
+    return say(
+        "validation.below", name=row["model"], share=row["below_fitted"], place=place, **volts
+    )
 
 
 def beyond_volt(voltage_volt, error_volt):

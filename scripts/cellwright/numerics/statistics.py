@@ -6,6 +6,7 @@ A parameter that the data do not determine has NaN for its variance.
 import numpy as np
 
 NORMAL_95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
+NORMAL_90 = 1.644854  # and 90 %
 
 
 def robust_std(deviations):

@@ -16,7 +16,7 @@ import numpy as np
 from cellwright.circuits.model_file import circuit_at, member_of, std_name
 from cellwright.effects import base, beginning
 from cellwright.effects.state import SIDES
-from cellwright.identification.validation import simulated
+from cellwright.identification.intervals import simulated
 from cellwright.numerics.least_squares import fit
 from cellwright.numerics.noise import FIRST
 from cellwright.numerics.statistics import rms
