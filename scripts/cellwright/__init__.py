@@ -18,6 +18,8 @@ __all__ = list(MODULE_OF)
 
 def __getattr__(name: str):
     """The step or type of this name, its module loaded now."""
+    if name == "__version__":
+        return _version()
     if name in ("api", "settings"):
         return import_module(f"cellwright.{name}")
     if name not in MODULE_OF:
@@ -25,5 +27,17 @@ def __getattr__(name: str):
     return getattr(import_module(MODULE_OF[name]), name)
 
 
+def _version() -> str:
+    """Of the clone that this is; of an installed package what it was installed as."""
+    from importlib.metadata import version
+
+    try:
+        project = __loader__.get_data(f"{__path__[0]}/../../pyproject.toml").decode()
+    except OSError:  # no clone
+        return version(__name__)
+    about = re.search(r'^name = "cellwright"\nversion = "(.+)"', project, re.MULTILINE)
+    return about[1] if about else version(__name__)
+
+
 def __dir__():
-    return sorted([*globals(), *MODULE_OF])
+    return sorted([*globals(), *MODULE_OF, "__version__"])

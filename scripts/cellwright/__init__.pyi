@@ -90,3 +90,5 @@ from cellwright.records.facts import CellFacts as CellFacts
 from cellwright.records.facts import TestFacts as TestFacts
 from cellwright.records.repeats import repeats as repeats
 from cellwright.refusal import Refusal as Refusal
+
+__version__: str

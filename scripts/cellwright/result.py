@@ -1,6 +1,25 @@
 """What every step of the public interface gives: tables, a document, notes."""
 
+from html import escape
 from typing import Any, NamedTuple
+
+MOST_ROWS = 10  # of a table in a notebook
+# How the name of a column ends: its unit. The longer end first.
+UNITS = {
+    "_ampere_hour_per_volt": "Ah/V",
+    "_ampere_hour": "Ah",
+    "_watt_hour": "Wh",
+    "_ampere": "A",
+    "_second": "s",
+    "_hour": "h",
+    "_volt": "V",
+    "_celsius": "°C",
+    "_kelvin": "K",
+    "_ohm": "Ω",
+    "_hertz": "Hz",
+    "_watt": "W",
+    "c_rate": "1/h",
+}
 
 
 class Result(NamedTuple):
@@ -37,6 +56,29 @@ class Result(NamedTuple):
         if table is None and not self.tables:
             return frame(self.content)
         return frame(self.tables[next(iter(self.tables)) if table is None else table])
+
+    def _repr_html_(self):
+        """Notes, the first rows of each table under units, and single values: for a notebook."""
+        parts = [f"<li>{escape(note)}</li>" for note in self.notes]
+        parts = ["<ul>", *parts, "</ul>"] if parts else []
+        for name, table in self.tables.items():
+            shown = frame(table)
+            parts.append(f"<p><b>{escape(str(name))}</b>: {len(shown)} rows</p>")
+            parts.append(_with_units(shown.head(MOST_ROWS)).to_html(index=False))
+        values = self.content if isinstance(self.content, dict) else {}
+        single = {k: v for k, v in values.items() if isinstance(v, str | int | float)}
+        if single:
+            parts.append(_with_units(frame([single])).to_html(index=False))
+        return "\n".join(parts)
+
+
+def _with_units(shown):
+    """A frame with the unit of each column below its name, where the name ends in one."""
+    units = {
+        column: next((unit for end, unit in UNITS.items() if str(column).endswith(end)), "")
+        for column in shown
+    }
+    return shown.rename(columns={c: f"{c} [{unit}]" for c, unit in units.items() if unit})
 
 
 def frame(table):

@@ -11,6 +11,7 @@ import pytest
 import cellwright as cw
 from cellwright import result as results
 from cellwright.records import inputs
+from runtime import settings
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 
@@ -55,6 +56,91 @@ def test_a_missing_column_is_named():
         cw.clean({"test_time_second": [0.0, 1.0], "current_ampere": [0.0, 0.0]})
     with pytest.raises(cw.Refusal, match="charge_ampere_hour; `clean` makes it"):
         cw.segment(record(), CELL)
+
+
+OWN = {
+    "test_time_second": "Time [s]",
+    "current_ampere": "Current [A]",
+    "voltage_volt": "Voltage [V]",
+}
+
+
+def test_a_table_with_labels_of_its_own_is_read_as_its_csv(tmp_path):
+    own = pd.DataFrame(record()).rename(columns=OWN)
+    own.to_csv(tmp_path / "own.csv", index=False)
+    by_csv = cw.clean(cw.read(tmp_path / "own.csv"))
+    for table in (own, dict(own), own.set_index("Time [s]")):
+        for found in (cw.clean(table), cw.clean(cw.read(table))):
+            pd.testing.assert_frame_equal(found.to_frame(), by_csv.to_frame())
+    milli = own.assign(**{"Current (mA)": 1e3 * own["Current [A]"]}).drop(columns="Current [A]")
+    ampere = cw.clean(milli).to_frame()["current_ampere"]
+    np.testing.assert_allclose(ampere, record()["current_ampere"], rtol=1e-12)
+
+
+def test_labels_that_nobody_knows_are_named():
+    own = pd.DataFrame(record()).set_axis(["x", "Wert", "Anzeige"], axis=1)
+    with pytest.raises(cw.Refusal, match=r"the table: .*'x', 'Wert', 'Anzeige'"):
+        cw.clean(own)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda x: x.astype(str), "row 1: found '0.0', a text; wanted a number"),
+        (lambda x: x.astype(object).where(x.index != 7, "n/a"), "row 8: found 'n/a', a text"),
+        (lambda x: pd.Timestamp("2024-05-01") + pd.to_timedelta(x, unit="h"), "2024-05-01.*a date"),
+        (lambda x: pd.to_timedelta(x, unit="h"), r"a duration; .*total_seconds\(\)"),
+        (lambda x: x > 0, "found False, true or false"),
+        (lambda x: x + 1j, "a complex number"),
+    ],
+)
+@pytest.mark.parametrize(
+    "name", ["test_time_second", "current_ampere", "surface_temperature_celsius"]
+)
+def test_what_is_no_number_is_refused_by_its_column(name, change, said):
+    frame = pd.DataFrame(record()).assign(surface_temperature_celsius=0.0)
+    with pytest.raises(cw.Refusal, match=f"column {name}, .*{said}"):
+        cw.clean(frame.assign(**{name: change(frame["current_ampere"])}))
+
+
+def test_blanks_of_a_table_are_no_numbers_and_no_texts():
+    """None and pandas' NA are read as a blank cell of a csv is."""
+    frame = pd.DataFrame(record())
+    gone = frame.assign(voltage_volt=frame["voltage_volt"].where(frame.index != 9))
+    other = gone.assign(
+        voltage_volt=gone["voltage_volt"].astype(object).where(gone.index != 9, None)
+    )
+    nullable = gone.assign(voltage_volt=gone["voltage_volt"].astype("Float64"))
+    wanted = cw.clean(gone).to_frame()
+    for table in (other, nullable):
+        pd.testing.assert_frame_equal(cw.clean(table).to_frame(), wanted)
+
+
+def test_a_column_of_rows_and_columns_is_refused():
+    with pytest.raises(cw.Refusal, match="test_time_second: found 2 dimensions"):
+        cw.clean({name: np.zeros((5, 2)) for name in record()})
+
+
+def test_a_mistyped_fact_is_refused_as_a_setting_is():
+    series = cw.clean(record())
+    cell = {"cell": "A", "rated_capacity": 2.0}
+    with pytest.raises(cw.Refusal, match="no rated_capacity; did you mean rated_capacity_ampere_h"):
+        cw.segment(series, cell)
+    with pytest.raises(cw.Refusal, match="rated_capacity_ampere_hour: found '2', wanted a number"):
+        cw.segment(series, {"cell": "A", "rated_capacity_ampere_hour": "2"})
+    with pytest.raises(cw.Refusal, match="TestFacts has no temperature"):
+        inputs.test_facts({"test": "x", "kind": "ocv", "temperature": 25.0})
+
+
+@pytest.mark.parametrize(
+    ("kind", "sheet"),
+    [(cw.CellFacts, "cells"), (cw.TestFacts, "tests"), (inputs.BranchFacts, "groups")],
+)
+def test_a_row_of_a_sheet_is_facts_as_it_stands(kind, sheet):
+    known = {*kind._fields, *inputs.FURTHER[kind]}
+    columns = set(settings.load(SCRIPTS.parent / "workflow/schemas", sheet)["properties"])
+    assert columns <= known
+    assert known - columns <= {"initial_soc"}, "of simulations alone"
 
 
 def test_columns_of_different_lengths_are_refused():

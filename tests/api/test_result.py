@@ -38,7 +38,26 @@ def test_what_it_has_not_is_said_with_what_it_has():
 def test_the_stub_is_what_the_package_gives():
     """Editors find each definition; each name is that of its module."""
     stub = ast.parse(Path(cw.__file__ + "i").read_text(encoding="utf-8"))
-    names = {n.name: line.module for line in stub.body[1:] for n in line.names}
+    lines = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
+    names = {n.name: line.module for line in lines for n in line.names}
     assert set(cw.__all__) == set(names) - {"api", "settings"}
     for name in cw.__all__:
         assert getattr(cw, name).__module__.startswith("cellwright.")
+
+
+def test_a_notebook_shows_notes_units_and_doubts_safely():
+    rows = [{"capacity_ampere_hour": 2.5, "c_rate": 0.5, "doubt": "gain <2 %>"}] * 12
+    shown = Result({"rows": rows}, {"member": "2RC"}, ("left out: <b>",))._repr_html_()
+    assert "<li>left out: &lt;b&gt;</li>" in shown
+    assert "capacity_ampere_hour [Ah]" in shown
+    assert "c_rate [1/h]" in shown
+    assert "gain &lt;2 %&gt;" in shown
+    assert "<b>rows</b>: 12 rows" in shown
+    assert shown.count("gain") == 10, "no more than ten rows"
+    assert "2RC" in shown
+    assert Result({}, None)._repr_html_() == ""
+
+
+def test_the_version_is_that_of_the_project():
+    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
+    assert f'version = "{cw.__version__}"' in project.read_text(encoding="utf-8")

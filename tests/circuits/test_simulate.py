@@ -8,6 +8,7 @@ import pytest
 import truth
 from scipy.integrate import solve_ivp
 
+import cellwright as cw
 from cellwright.circuits.cell import overpotentials, sensitivities, simulate
 from cellwright.circuits.circuit import Branch, rc_circuit
 from cellwright.numerics.lags import lag
@@ -109,3 +110,36 @@ def test_the_true_cell_returns_to_its_ocv():
     soc = np.append(soc, [soc[-1]] * 2)
     end = truth.voltage(rest, np.append(current, [0.0, 0.0]), soc)[-1]
     assert end == pytest.approx(np.interp(soc[-1], truth.OCV_SOC, truth.OCV_VOLT), abs=1e-9)
+
+
+def model_of_tests():
+    """A model of 2 Ah, fitted from SoC 0.1 to 0.9 at 25 °C."""
+    member = {"model": "R", "conditions": [{"soc": [0.1, 0.9], "r0_ohm": [0.02, 0.02]}]}
+    member["conditions"][0] |= {"branches": [], "ambient_temperature_celsius": 25.0}
+    ocv = [{"soc": [0.0, 1.0], "ocv_volt": [3.0, 4.2], "ambient_temperature_celsius": 25.0}]
+    about = {"schema": "cellwright-model/2", "cell": "A", "capacity_ampere_hour": 2.0}
+    return about | {"ocv": ocv, "members": [member], "chosen": "R"}
+
+
+def simulated(ampere, hours, **how):
+    time = np.arange(0.0, 3600 * hours + 1, 36.0)
+    current = {"test_time_second": time, "current_ampere": np.full(len(time), ampere)}
+    return cw.simulate(model_of_tests(), current, **how)
+
+
+def test_a_simulation_says_where_it_leaves_its_model():
+    """2 A of 2 Ah: empty after half an hour from SoC 0.5, with 1 % of it each 36 s."""
+    assert simulated(-2.0, 0.25, initial_soc=0.8).notes == ()
+    (measured,) = simulated(-2.0, 0.25, initial_soc=0.305).notes
+    assert measured.startswith("In 5 of 26 samples, the first at 756 s, the SoC of 0.055 to 0.095")
+    told = simulated(-2.0, 4.0, initial_soc=0.5).notes
+    assert "leaves 0 to 1 at 1836 s" in told[0]
+    assert "-3.5 to -0.01" in told[0]
+    assert "The voltage falls to" in told[-1]
+    (warm,) = simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=85.0).notes
+    assert "the temperature of 85 to 85 °C lies outside" in warm
+
+
+def test_a_cell_that_is_charged_to_full_is_not_beyond_it():
+    assert simulated(2.0, 0.1, initial_soc=0.8).notes == ()
+    assert all("leaves 0 to 1" not in n for n in simulated(0.001, 1.0, initial_soc=1.0).notes)

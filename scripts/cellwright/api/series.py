@@ -1,5 +1,7 @@
 """From an instrument's files to one clean series and its steps."""
 
+from collections.abc import Mapping
+
 from cellwright import gate
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
@@ -23,7 +25,8 @@ def read(
 ):
     """A record from the files of an instrument.
 
-    source : a path, bytes, (name, bytes), or a list of them: the files of one test in time order.
+    source : a path, bytes, (name, bytes), a DataFrame or mapping of columns with the labels of a
+        csv, or a list of these: the files of one test in time order.
     kind : what the files must hold, "series" or "impedance"; of a file that holds both, the one.
     name : of the file in messages, where `source` is bytes.
     instrument : name of its reader; None: recognised from the content.
@@ -89,13 +92,18 @@ def _named_bytes(part, name, largest_megabyte):
         return name or "the file", part
     if isinstance(part, tuple):
         return part
+    if isinstance(part, Mapping) or hasattr(part, "to_csv"):
+        from cellwright.series.joining import csv_of
+
+        return name or "the table", csv_of(part)
     return str(part), gate.content_at(part, largest_megabyte=largest_megabyte)
 
 
 def clean(series, settings=None, *, cell=None, test=None, **changes):
     """A series without corrupt samples and with its charge [Ah], and the list of flagged samples.
 
-    series : without charge_ampere_hour; further columns are kept. settings : `settings.Clean`.
+    series : without charge_ampere_hour; further columns are kept; a table with labels of its own is
+        read as by `read`. settings : `settings.Clean`.
     cell : its rating and cut-offs are held against what the record shows; None: they are not.
     test : its ambient_temperature_celsius is held against the record's own thermometer.
 
@@ -109,13 +117,18 @@ def clean(series, settings=None, *, cell=None, test=None, **changes):
     options = inputs.settings_of(Clean, settings, changes)
     known = {} if cell is None else inputs.ratings(cell)
     rated, limits = known.get("rated_capacity_ampere_hour"), (known.get(n) for n in inputs.CUTOFFS)
+    notes = ()
+    if inputs.labelled(series):
+        from cellwright.series.joining import of_labels
+
+        series, notes = of_labels(series)
     columns = inputs.columns(series, *inputs.NAMES)
     celsius = None if test is None else inputs.test_facts(test).ambient_temperature_celsius
     about = {"rated_capacity_ampere_hour": rated, "cutoffs_volt": tuple(limits)}
     about["ambient_temperature_celsius"] = celsius
     cleaning = cleaned(columns, **about, **options._asdict())
     tables = {"columns": cleaning.columns, "actions": cleaning.actions}
-    return Result(tables, notes=tuple(cleaning.notes))
+    return Result(tables, notes=(*notes, *cleaning.notes))
 
 
 def segment(series, cell=None, settings=None, **changes):

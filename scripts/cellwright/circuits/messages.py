@@ -1,4 +1,4 @@
-"""What is said of members of a model: `say(code, **fields)`; the sentences: messages.toml."""
+"""What is said of a model and its simulations: `say(code, **fields)`; sentences: messages.toml."""
 
 from cellwright.messages import sayer
 

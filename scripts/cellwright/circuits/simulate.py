@@ -3,11 +3,14 @@
 import numpy as np
 
 from cellwright.circuits import inputs as given
+from cellwright.circuits.messages import say
 from cellwright.circuits.model_file import in_use, simulate_model
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
 from cellwright.series.cleaning import net_charge
+
+BEYOND = 1e-3  # SoC beyond 0 or 1 that counting alone may give
 
 
 def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=None):
@@ -18,8 +21,9 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     temperature_celsius : of the cell, scalar or (n,) [°C].
     member : of the family, "P" for the particle; None: what predicts best.
 
-    Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]. Raises Refusal: the model has no
-    such member, or the SoC at the start is not within 0 to 1. Source: docs/circuits.md.
+    Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]; notes where the model is left: SoC
+    outside 0 to 1 or what was measured, temperatures beyond it, no voltage left. Raises
+    Refusal: the model has no such member, or the SoC at the start is not within 0 to 1.
     """
 
     model = given.model(model)
@@ -35,4 +39,23 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
     columns |= {"ocv_volt": run.ocv_volt, "voltage_volt": run.voltage_volt}
-    return Result({"columns": columns}, {"member": member})
+    return Result(
+        {"columns": columns}, {"member": member}, tuple(_left_model(columns, celsius, run))
+    )
+
+
+def _left_model(columns, celsius, run):
+    """Notes on the samples at which a simulation is outside of what its model knows."""
+    time, soc, volt = (columns[n] for n in ("test_time_second", "soc", "voltage_volt"))
+    within = (soc >= -BEYOND) & (soc <= 1.0 + BEYOND)
+    for code, rows, values in (
+        ("left_model.soc", ~within, soc),
+        ("left_model.measured_soc", run.extrapolated & within, soc),
+        ("left_model.temperature", run.outside_temperature, celsius),
+        ("left_model.voltage", volt <= 0.0, volt),
+    ):
+        if np.any(rows):
+            found = values[rows]
+            least, most = float(found.min()), float(found.max())
+            fields = {"count": int(rows.sum()), "size": len(time), "least": least, "most": most}
+            yield say(code, first_second=float(time[rows][0]), **fields)

@@ -1,10 +1,13 @@
 """Arguments of public steps as the science takes them: columns, rows, facts, settings."""
 
+import difflib
 from collections.abc import Mapping
+from numbers import Real
 
 from cellwright import gate
 from cellwright.records.facts import BranchFacts, CellFacts, MeasuredTest, TestFacts
 from cellwright.refusal import Refusal
+from cellwright.result import UNITS
 from cellwright.series.steps import Steps
 
 # Every record has these; a clean one is also counted, since an instrument's own counter may be
@@ -20,14 +23,40 @@ BASIS = ("capacity_ampere_hour", "ocv")
 MADE_BY = {"charge_ampere_hour": "clean", "start_time_second": "ageing_cycles"}
 
 
+# Columns of the sheets that no step needs: a row of a sheet is facts as it stands.
+FURTHER = {
+    CellFacts: (
+        *("chemistry", "reference", "ageing_protocol", "negative_half_cell", "positive_half_cell"),
+        *("model_table", "model_capacity_ampere_hour", "note"),
+    ),
+    TestFacts: (
+        *("cell", "file", "instrument", "current_sign", "columns", "sha256", "simulated_file"),
+        "note",
+    ),
+    BranchFacts: ("group", "connection", "link_resistance_ohm", "terminals", "sense"),
+}
+# What a column holds that is no numbers, by numpy's kind of it, and how it becomes numbers.
+OTHERS = {
+    "M": ("a date", "wanted seconds: subtract the first date and take .dt.total_seconds()"),
+    "m": ("a duration", "wanted a number: take .dt.total_seconds()"),
+    "b": ("true or false", "wanted a number"),
+    "c": ("a complex number", "wanted a real one"),
+}
+TEXT = ("a text", "wanted a number: pandas.to_numeric makes one of it")
+
+
 def columns(series, *needed) -> dict:
     """Columns by name, (n,) arrays, of a DataFrame, a mapping, or a result with columns.
 
-    Refused are a column of `needed` that is not there, and columns of different lengths.
+    A record with labels of its own (`Time [s]`) is read as the csv of it would be. Refused are a
+    column of `needed` that is not there, columns of different lengths, and where any is needed,
+    columns in a unit that hold no numbers.
     """
-    import numpy as np
+    arrays = _arrays(series)
+    if labelled(series, needed):
+        from cellwright.series.joining import of_labels
 
-    arrays = {str(name): np.asarray(values) for name, values in _by_name(series).items()}
+        arrays = of_labels(series).columns
     lacking = [name for name in needed if name not in arrays]
     if lacking:
         made = [f"; `{MADE_BY[name]}` makes it" for name in lacking if name in MADE_BY][:1]
@@ -37,7 +66,45 @@ def columns(series, *needed) -> dict:
     sizes = {name: len(values) for name, values in arrays.items() if values.ndim}
     if len(set(sizes.values())) > 1:
         raise Refusal(f"columns of different lengths: {sizes}")
+    if needed:
+        arrays = {name: _numbers(name, values) for name, values in arrays.items()}
     return arrays
+
+
+def _arrays(series):
+    import numpy as np
+
+    return {str(name): np.asarray(values) for name, values in _by_name(series).items()}
+
+
+def labelled(series, needed=NAMES) -> bool:
+    """Whether a table lacks a column of a record, and has labels that are none of ours."""
+    names = list(map(str, _by_name(series)))
+    lacks = set(needed).intersection(NAMES).difference(names)
+    return bool(lacks) and not all(name.endswith(tuple(UNITS)) for name in names)
+
+
+def _numbers(name, values):
+    """A column as numbers, (n,); a blank is NaN. Refused is what is none, with its first row."""
+    import numpy as np
+
+    if name in COUNTED and values.ndim != 1:
+        raise Refusal(f"column {name}: found {values.ndim} dimensions, wanted one number a row")
+    kind = values.dtype.kind
+    if kind in "fiu" or not values.ndim or not name.endswith(tuple(UNITS)):
+        return values
+    bad = 0
+    if kind == "O":
+        blank = [v is None or type(v).__name__ in ("NAType", "NaTType") for v in values]
+        fits = [isinstance(v, Real) and not isinstance(v, bool) for v in values]
+        bad = next((k for k, fit in enumerate(fits) if not (fit or blank[k])), None)
+        if bad is None:
+            return np.array([np.nan if b else v for v, b in zip(values, blank, strict=True)], float)
+    if not len(values):
+        return values.astype(float)
+    what, wanted = OTHERS.get(kind, TEXT)
+    shown = repr(str(values[bad])) if kind in "OUS" else values[bad]
+    raise Refusal(f"column {name}, row {bad + 1}: found {shown}, {what}; {wanted}")
 
 
 def _by_name(series):
@@ -145,9 +212,18 @@ def _facts(kind, values):
     lacking = [n for n in kind._fields if n not in values and n not in kind._field_defaults]
     if lacking:
         raise Refusal(f"{kind.__name__} needs {', '.join(lacking)}; given are {', '.join(values)}")
-    given = {name: values[name] for name in kind._fields if name in values}
+    known = (*kind._fields, *FURTHER[kind])
+    if unknown := [str(name) for name in values if name not in known]:
+        near = difflib.get_close_matches(unknown[0], known, n=1)
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise Refusal(f"{kind.__name__} has no {', '.join(unknown)}{meant}")
     # A blank in a DataFrame is NaN, in a sheet None.
-    return kind(**{name: None if value != value else value for name, value in given.items()})
+    given = {n: None if values[n] != values[n] else values[n] for n in kind._fields if n in values}
+    for name, value in given.items():
+        number = name.endswith(tuple(UNITS)) or name in ("soc", "cycle", "state_of_health")
+        if number and value is not None and not isinstance(value, Real):
+            raise Refusal(f"{kind.__name__}, {name}: found {value!r}, wanted a number")
+    return kind(**given)
 
 
 def cutoffs(cell) -> dict:

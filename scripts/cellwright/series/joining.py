@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.formats import SIGN_RULE, Reading
+from cellwright.formats import SIGN_RULE, Reading, read
 from cellwright.formats.fields import ENERGY, NET, SERIES, counted_share
 from cellwright.formats.pieces import (
     any_where,
@@ -22,6 +22,7 @@ from cellwright.formats.pieces import (
 )
 from cellwright.messages import said_of
 from cellwright.refusal import Refusal
+from cellwright.result import frame
 from cellwright.series.cleaning import CLEAN
 from cellwright.series.doubts import Doubt, against_counter
 from cellwright.series.messages import say
@@ -67,6 +68,22 @@ def join(series: Sequence[Mapping[str, np.ndarray]]) -> Assembled:
             joined["doubt"] = np.nan_to_num(joined["doubt"]).astype(np.int16)
     joined["file_index"] = np.repeat(np.arange(len(parts)), sizes)
     return Assembled(joined, tuple(notes))
+
+
+def of_labels(table) -> Assembled:
+    """A DataFrame, or a mapping of columns, with labels as a csv has them, read as that would be.
+
+    Raises Refusal as `formats.read` and `assemble`.
+    """
+    return assemble([read(csv_of(table), name="the table")])
+
+
+def csv_of(table) -> bytes:
+    """A DataFrame, with its index where that has a name, or a mapping of columns as a csv."""
+    whole = table
+    if isinstance(table, Mapping):
+        whole = frame({name: np.asarray(values) for name, values in table.items()})
+    return whole.to_csv(index=any(name is not None for name in whole.index.names)).encode()
 
 
 def _joined(name, parts, sizes):
