@@ -50,12 +50,20 @@ rule report:
         style=local(f"{PIPELINE}/workflow/report/report.css"),
         code=local(f"{PIPELINE}/workflow/report/report.js"),
         closer=local(f"{PIPELINE}/workflow/report/closer.js"),
+        saving=local(f"{PIPELINE}/workflow/report/saving.js"),
+        comparing=local(f"{PIPELINE}/workflow/report/compare.js"),
         uplot=local(f"{PIPELINE}/workflow/report/uplot/uPlot.iife.min.js"),
         uplot_style=local(f"{PIPELINE}/workflow/report/uplot/uPlot.min.css"),
         lookups=EXPORTED["lookup.csv"],
         pybamm=EXPORTED["pybamm_thevenin.json"],
         simulated=predicted("simulation"),
         series=predicted("clean"),
+        curves=[
+            path
+            for cell in CELLS
+            for stage, kind in (("ocv", "ocv"), ("ica_curve", "ica"))
+            for path in artefacts(stage, cell, kind)
+        ],
     output:
         "results/report.html",
     log:
