@@ -121,19 +121,21 @@ def draw_ranking(columns, gates=GATES):
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     if not rows:
         return style.message(NO_TRIAL)
-    rounds = sorted({row["round"] for row in rows})
+    # Where nothing reached what is needed, all of it says so.
+    drawn = [row for row in rows if _matters(row, gates)] or rows
+    rounds = sorted({row["round"] for row in drawn})
     shown = {
-        number: sorted((r for r in rows if r["round"] == number and _matters(r, gates)), key=_rank)
+        number: sorted((row for row in drawn if row["round"] == number), key=lambda r: -r["gain"])
         for number in rounds
     }
-    rounds = [number for number in rounds if shown[number]] or rounds[-1:]
     sizes = [len(shown[number]) for number in rounds]
     height = 1.3 + 0.24 * sum(sizes) + 0.9 * len(rounds)
     ratios = [size + 1.0 for size in sizes]
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
     for panel, number in zip(axes[:, 0], rounds, strict=True):
         _round(panel, shown[number], gates)
-        panel.set(title=_panel_title(number, [r for r in rows if r["round"] == number], gates))
+        tried = sum(row["round"] == number for row in rows)
+        panel.set(title=_panel_title(number, shown[number], tried - len(shown[number])))
     ends = [row["z"] for row in rows]
     axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, gates.joins) + 1.0)
     axes[-1, 0].set(xlabel="gain in predictive density over its standard error [1]")
@@ -155,16 +157,11 @@ def _matters(row, gates):
     return row["chosen"] or row["tied"] or row["z"] >= gates.joins
 
 
-def _rank(row):
-    return -row["gain"]
-
-
-def _panel_title(number, rows, gates):
+def _panel_title(number, rows, below):
     many = sum(row["chosen"] for row in rows)
     beside = "Each beside the plain model"
     if number > 1:
         beside = f"Each beside the other effects of the last model ({many} in it)"
-    below = sum(not _matters(row, gates) for row in rows)
     return f"{beside}; {below} below what is needed are not drawn" if below else beside
 
 
