@@ -1,13 +1,17 @@
 """A figure as SVG: ticks and texts from arrays, what is inside the panels by Matplotlib."""
 
 import io
+import json
 
 import numpy as np
 from matplotlib.artist import Artist, allow_rasterization
 from matplotlib.backends.backend_mixed import MixedModeRenderer
 from matplotlib.backends.backend_svg import RendererSVG
+from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
 from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, IdentityTransform
 
@@ -18,6 +22,7 @@ CENTRE_OF_DIGIT = 0.36  # of the font size, above the line on which it stands
 AXIS_ORDER = 0.5  # drawn above what has a lower `zorder`
 SIDES = {"left": (0, 0, 0, 1), "right": (1, 0, 1, 1), "bottom": (0, 0, 1, 0), "top": (0, 1, 1, 1)}
 FLIPPED = Affine2D().scale(1.0, -1.0)  # SVG counts y from above
+SCALE_POINTS = 17  # of a scale that is neither straight nor logarithmic
 BEYOND = 10.0  # point beyond the canvas, from where a mark may still reach into it
 WRITTEN_AT = {"left": "start", "center": "middle", "right": "end"}
 
@@ -141,6 +146,7 @@ def drawn(figure, *, metadata) -> str:
 
 def _draw_panel(canvas, axes, around):
     """A panel: what lies below its grid, the grid and ticks, its artists, spines and titles."""
+    canvas.writer.start("g", attrib=_scales(axes, around, canvas.get_canvas_width_height()[1]))
     apart = {axes.xaxis, axes.yaxis, axes.patch, *decoration.title_texts(axes)}
     sides = {axes.spines[name] for name in SIDES if name in axes.spines}
     artists = [a for a in axes.get_children() if a not in apart | sides]
@@ -148,15 +154,52 @@ def _draw_panel(canvas, axes, around):
     if axes.axison:
         axes.patch.draw(canvas)
         for artist in (a for a in artists if a.zorder < AXIS_ORDER):
-            artist.draw(canvas)
+            _draw_series(canvas, artist)
         _draw_axis(canvas, axes, around.x, 0)
         _draw_axis(canvas, axes, around.y, 1)
         _draw_labels(canvas, axes, around)
         artists = [a for a in artists if a.zorder >= AXIS_ORDER]
     for artist in artists:
-        artist.draw(canvas)
+        _draw_series(canvas, artist)
     if axes.axison:
         _draw_sides(canvas, axes)
+    canvas.writer.end("g")
+
+
+def _scales(axes, around, height) -> dict:
+    """Title of a panel, and of each axis its label and (value, place) pairs of its scale.
+
+    The report's reader gets the numbers of a figure back from its drawing by them; places are in
+    points of the drawing, from above.
+    """
+    about = {"data-panel": around.title.text.replace("\n", " ")}
+    for axis, name in enumerate("xy"):
+        one = getattr(axes, f"{name}axis")
+        place = decoration.places(axes, ends := _scale_points(one), axis=axis)
+        at = np.stack([ends, height - place if axis else place], axis=1).round(9).tolist()
+        label = getattr(around, f"{name}_label").text.replace("\n", " ")
+        scale = {"label": label, "log": one.get_scale() == "log", "at": at}
+        about[f"data-{name}-scale"] = json.dumps(scale, ensure_ascii=False)
+    return about
+
+
+def _scale_points(axis):
+    """Values of an axis between which its scale is straight, or straight in their logarithm."""
+    low, high = sorted(axis.get_view_interval())
+    if axis.get_scale() in ("linear", "log"):
+        return np.array([low, high])
+    return np.linspace(low, high, SCALE_POINTS)
+
+
+def _draw_series(canvas, artist):
+    """An artist of a panel; lines, points and bars in a group with the name of the series."""
+    if not isinstance(artist, (Line2D, Patch, Collection)):
+        artist.draw(canvas)
+        return
+    label = str(artist.get_label())
+    canvas.writer.start("g", attrib={"data-s": "" if label.startswith("_") else label})
+    artist.draw(canvas)
+    canvas.writer.end("g")
 
 
 def _draw_sides(canvas, axes):

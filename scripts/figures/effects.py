@@ -38,6 +38,7 @@ LABELS = {
 HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
+LEGEND_COLUMNS = 5  # of a legend below all panels
 MARKERS = "os^"  # of records, where they are more than colours
 
 
@@ -120,15 +121,21 @@ def draw_ranking(columns, gates=GATES):
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     if not rows:
         return style.message(NO_TRIAL)
-    rounds = sorted({row["round"] for row in rows})
-    sizes = [sum(row["round"] == number for row in rows) for number in rounds]
+    # Where nothing reached what is needed, all of it says so.
+    drawn = [row for row in rows if _matters(row, gates)] or rows
+    rounds = sorted({row["round"] for row in drawn})
+    shown = {
+        number: sorted((row for row in drawn if row["round"] == number), key=lambda r: -r["gain"])
+        for number in rounds
+    }
+    sizes = [len(shown[number]) for number in rounds]
     height = 1.3 + 0.24 * sum(sizes) + 0.9 * len(rounds)
     ratios = [size + 1.0 for size in sizes]
     figure, axes = style.subplots(len(rounds), 1, height=height, height_ratios=ratios, sharex=True)
     for panel, number in zip(axes[:, 0], rounds, strict=True):
-        in_round = sorted((r for r in rows if r["round"] == number), key=lambda r: -r["gain"])
-        _round(panel, in_round, gates)
-        panel.set(title=_panel_title(number, in_round))
+        _round(panel, shown[number], gates)
+        tried = sum(row["round"] == number for row in rows)
+        panel.set(title=_panel_title(number, shown[number], tried - len(shown[number])))
     ends = [row["z"] for row in rows]
     axes[0, 0].set_xlim(min(0.0, *ends) - 1.0, 1.3 * max(*ends, gates.joins) + 1.0)
     axes[-1, 0].set(xlabel="gain in predictive density over its standard error [1]")
@@ -145,11 +152,17 @@ def draw_group_ranking(ranking):
     return draw_ranking(ranking | {"effect": np.array(names, object)}, GROUP_GATES)
 
 
-def _panel_title(number, rows):
+def _matters(row, gates):
+    """Whether a trial is drawn: in the model, as good as it, or beyond the error that it needs."""
+    return row["chosen"] or row["tied"] or row["z"] >= gates.joins
+
+
+def _panel_title(number, rows, below):
     many = sum(row["chosen"] for row in rows)
-    if number == 1:
-        return "Each beside the plain model"
-    return f"Each beside the other effects of the last model ({many} in it)"
+    beside = "Each beside the plain model"
+    if number > 1:
+        beside = f"Each beside the other effects of the last model ({many} in it)"
+    return f"{beside}; {below} below what is needed are not drawn" if below else beside
 
 
 def _in_words(effect):
@@ -169,7 +182,7 @@ def _round(panel, rows, gates):
         panel.annotate(text, spot, **where, fontsize=7)
     panel.axvline(gates.joins, color=style.ERROR, lw=0.9, ls="--")
     panel.axvline(0.0, color=style.QUIET, lw=0.8)
-    style.name_bars(panel, [_in_words(row["effect"]) for row in rows], fontsize=8)
+    style.name_bars(panel, [name_of_effect(row["effect"]) for row in rows], fontsize=8)
 
 
 def _colour(row):
@@ -198,33 +211,41 @@ def draw_evidence(columns):
     if not effects:
         return style.message(NO_EFFECT)
     figure, axes = style.panels(len(effects), across=2, height=4.2)
+    tests = dict.fromkeys(columns["test"])
+    looks = dict(zip(tests, cycle(product(MARKERS, style.SERIES)), strict=False))
     for panel, effect in zip(axes, effects, strict=True):
-        _residual_over_change(panel, effect, rows_where(columns, columns["effect"] == effect))
+        own = rows_where(columns, columns["effect"] == effect)
+        _residual_over_change(panel, effect, own, looks)
+    # One legend for all panels, below them: a record has the same mark wherever it is part.
+    named = {}
+    for panel in axes:
+        handles, labels = panel.get_legend_handles_labels()
+        named |= dict(zip(labels, handles, strict=True))
+    look = {"loc": "outside lower center", "ncols": LEGEND_COLUMNS, "fontsize": 7}
+    figure.legend(named.values(), named.keys(), **look)
     return figure
 
 
-def _residual_over_change(panel, effect, columns):
+def _residual_over_change(panel, effect, columns, looks):
     change, missing = 1e3 * columns["sensitivity_volt"], 1e3 * columns["residual_volt"]
     rows = columns["rows"]
     ends = np.array([0.0, 1.05 * change.max()])
     panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it was missing")
     panel.plot(ends, ends / 2, color=style.INK, lw=0.9, ls=":", label="below: worse with it")
     panel.axhline(0.0, color=style.QUIET, lw=1.0, ls="--", label="none of it was")
-    looks = cycle(product(MARKERS, style.SERIES))
-    for test, (marker, colour) in zip(dict.fromkeys(columns["test"]), looks, strict=False):
-        mine = columns["test"] == test
+    for test in dict.fromkeys(columns["test"]):
+        (marker, colour), mine = looks[test], columns["test"] == test
         area = 90 * rows[mine] / rows.max() + 4
         look = {"color": colour, "marker": marker, "alpha": 0.75, "label": test}
         panel.scatter(change[mine], missing[mine], area, **look)
     helped = np.count_nonzero(missing > change / 2)
     share = np.sum(rows * missing) / np.sum(rows * change)
     panel.set(
-        title=f"{_in_words(effect)}: {100 * share:.0f} % of it was missing\n"
+        title=f"{name_of_effect(effect)}: {100 * share:.0f} % of it was missing\n"
         f"better with it: {helped} of {len(change)} parts",
         xlabel="its change in a part of a record, RMS [mV]",
         ylabel="what was left there that follows it [mV]",
     )
-    style.legend_once(panel, loc="best")
 
 
 MOST_TESTS = 3

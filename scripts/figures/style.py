@@ -16,6 +16,7 @@ INK, QUIET, GRID = "#1d2733", "#8a94a0", "#e6e9ed"
 MEASURED, ERROR = "#1d2733", "#c0392b"
 SERIES = ("#0b6fb8", "#e07b00", "#2a9d5c", "#8e4ec6", "#c0392b", "#5d6d7e", "#b8860b", "#00868b")
 YELLOW = "#f2c14e"  # the part of a bar that a slower test or a held voltage adds
+MOST_INSIDE = 6  # entries of a legend that stand inside a panel, more would hide its data
 MARKERS = {"discharge": "v", "charge": "^"}
 STYLE = {
     "svg.hashsalt": "cellwright",
@@ -112,11 +113,13 @@ def plot_thinned(axes, x, y, *, points=2000, **style):
 
 
 def legend_once(axes, **settings):
-    """A legend without repeated labels, or none where nothing is labelled."""
+    """A legend without repeated labels, beside its panel where it is long; none without labels."""
     handles, labels = axes.get_legend_handles_labels()
     if labels:
         # Lines of one name are one thing, such as all discharges at 25 °C.
         unique = dict(zip(labels, handles, strict=True))
+        if len(unique) > MOST_INSIDE and "bbox_to_anchor" not in settings:
+            settings |= {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0), "ncols": 1}
         axes.legend(unique.values(), unique.keys(), **settings)
 
 

@@ -23,6 +23,7 @@ from cellwright.records.conditions import SAME_CELSIUS
 from runtime import (
     artefact,
     closer_look,
+    compare_page,
     health_page,
     laws_page,
     overview_page,
@@ -70,6 +71,9 @@ FLEET = (
 TEMPLATES = Path(__file__).resolve().parents[2] / "workflow" / "report"
 # Long, and on no page.
 UNREAD = {"models", "models_of_checkups", "resistance", "relaxation", "ica_tracks"}
+# Of the pulses only what a reader compares, and what tells why a cell has no R0, is read.
+OF_PULSES = ["cell", "test", "direction", "ambient_temperature_celsius", "soc", "delay_second"]
+OF_PULSES += ["resistance_ohm"]
 OF_HEALTH = ("lives", "fleet")  # pictures of the overview that stand in its part on health
 # All pages of a report up to this stand in it as they are, and are read without a script: what a
 # mail of 25 MB carries, which adds a third to a file. Larger ones are packed, and need the script.
@@ -80,6 +84,8 @@ def render(job) -> str:
     """The report as one HTML text, from the inputs and params of rule `report`."""
     inputs, params = job.input, job.params
     tables = {Path(p).stem: _text(p) for p in inputs.tables if Path(p).stem not in UNREAD}
+    for path in (p for p in inputs.tables if Path(p).stem == "resistance"):
+        tables["resistance"] = _text(path, OF_PULSES)
     abouts = {path: artefact.read_about(path) for path in inputs.artefacts}
     layout = {"captions": "captions.yaml", "chapters": "chapters.yaml", "specs": "tables.yaml"}
     layout = {name: _yaml(TEMPLATES / file) for name, file in layout.items()}
@@ -129,7 +135,8 @@ def render(job) -> str:
             _log(job, error)
             return otherwise
 
-    looks = part("the closer looks", _looks, inputs.simulated, inputs.series, tables["validation"])
+    models = _models_in_use(tables["validation"])
+    looks = part("the closer looks", _looks, inputs.simulated, inputs.series, models)
     rated = {row["cell"]: row.get("rated_capacity_ampere_hour") for row in params.cells}
     exported = (inputs.lookups, inputs.pybamm)
     lookups, pybamm = ({Path(path).parent.name: path for path in paths} for paths in exported)
@@ -154,6 +161,12 @@ def render(job) -> str:
         checks=checks,
         doubted=[row for row in summary if row.get("doubt")],
         overview=overview,
+        compare=part(
+            "the page Compare",
+            compare_page.section,
+            *(inputs.curves, inputs.simulated, tables["capacity"], tables.get("resistance")),
+            models,
+        ),
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
@@ -182,6 +195,7 @@ def environment_of(folder) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "milli": milli, "digest": digest}
+    environment.filters |= {"css_string": css_string}
     environment.filters |= {"measured": measured, "duration": duration}
     environment.filters |= {"in_words": overview_page.model_in_words}
     return environment
@@ -244,6 +258,12 @@ def digest(text: str) -> Markup:
     return Markup(f"'sha256-{found}'")
 
 
+def css_string(text: str) -> Markup:
+    """A text as a string of a style sheet: nothing in it ends the string or the sheet."""
+    safe = "".join(f"\\{ord(one):x} " if one in '\\"<>&' or one < " " else one for one in text)
+    return Markup(f'"{safe}"')
+
+
 def fleet_of(table: pd.DataFrame) -> list[dict]:
     """Each type of tables/fleet: its sentence, and a table with a row a cell, a column an effect.
 
@@ -295,9 +315,10 @@ def _fleet_word(row) -> tuple:
     return {"no": ("",), "not testable": ("n/t",), "or another": ("or", "", "unsure")}[row["shown"]]
 
 
-def _text(path) -> pd.DataFrame:
-    """A CSV table for people: every cell text."""
-    return frame_as_written(pd.read_csv(path, dtype=str, keep_default_na=False))
+def _text(path, columns=None) -> pd.DataFrame:
+    """A CSV table for people, all of it or some `columns`: every cell text."""
+    table = pd.read_csv(path, dtype=str, keep_default_na=False, usecols=columns)
+    return frame_as_written(table)
 
 
 def _by_owner(tables, owners) -> dict:
@@ -368,10 +389,14 @@ def number(text) -> str:
         return text
 
 
-def _looks(simulated, series, validation) -> dict:
-    """What may be zoomed into, by cell and name of the figure."""
+def _models_in_use(validation) -> dict:
+    """The model in use by (cell, test), of rows of table `validation`."""
     chosen = validation[validation["chosen"] == "True"]
-    models = {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
+    return {(row["cell"], row["test"]): row["model"] for row in _rows(chosen)}
+
+
+def _looks(simulated, series, models) -> dict:
+    """What may be zoomed into, by cell and name of the figure."""
     looks = closer_look.looks_of(simulated, series, models)
     return {(cell, f"validation_{test}"): lines for (cell, test), lines in looks.items()}
 

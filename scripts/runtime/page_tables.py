@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.sax.saxutils import unescape
 
+import numpy as np
+import pandas as pd
 import pyarrow as pa
 from markupsafe import Markup
 
 from cellwright.messages import doubts_in
 
 SHOWN_ROWS = 30  # more than a screen is looked up in the tables, not read
+WORST_ROWS = 10  # of a longer table that says by which column its rows are the worse
 # Of a shown unit in that of the tables.
 SCALES = {"mΩ": 1e3, "mV": 1e3, "mA": 1e3, "%": 1e2, "kJ/mol": 1e-3}
 ANSWERS = {"True": "yes", "False": "no"}
@@ -46,7 +49,8 @@ class Table(NamedTuple):
 def table_of(name, frame, spec) -> Table:
     """The first rows of a table (a frame of text) as people read them.
 
-    `spec` has title, read, and for each column that is shown its name, with the unit in brackets.
+    `spec` has title, read, and for each column that is shown its name, with the unit in brackets;
+    `worst` is the column by which the worst rows of a long table stand for all.
     Columns that are blank in all rows are left out; `only` of it are values that rows must have.
     A doubt that all rows share stands above them once.
     """
@@ -59,7 +63,13 @@ def table_of(name, frame, spec) -> Table:
         own = ["; ".join(one for one in row if one not in shared) for row in said]
         read += f" All in doubt: {'; '.join(shared)}." if shared else ""
         frame = frame.assign(doubt=own)
-    rows = frame.head(SHOWN_ROWS).to_dict("records")
+    worst = spec.get("worst")
+    if worst and len(frame) > SHOWN_ROWS:
+        size = pd.to_numeric(frame[worst]).abs().to_numpy()
+        frame = frame.iloc[np.argsort(-size, kind="stable")]  # what is not known stands last
+        read += f" The {WORST_ROWS} rows with the largest {spec['columns'][worst]}."
+    rows = frame.head(WORST_ROWS if worst and len(frame) > SHOWN_ROWS else SHOWN_ROWS)
+    rows = rows.to_dict("records")
     known = [key for key in spec["columns"] if any(row.get(key) for row in rows)]
     stds = {key: std_name(key, rows[0]) for key in known} if rows else {}
     labels = [spec["columns"][key] for key in known]

@@ -40,7 +40,22 @@ def test_overview_has_a_line_for_every_cell():
     assert labels(error) == ["25 °C", "temperature not stated"]
     assert size.get_xlim()[1] > 2.0, "no dot lies on the frame"
     near = [sizes[0] | {"ambient_temperature_celsius": f"{at}"} for at in (20.0, 20.4, 22.0, 30)]
-    *_, error = panels(campaign.draw_overview(kind, near, [], []))
-    assert labels(error) == ["21 °C", "30 °C"], "a chamber's wobble is no other temperature"
-    empty = panels(campaign.draw_overview({}, [], [], []))
-    assert [len(panel.get_xticks()) for panel in empty] == [0, 0, 0]
+    (size,) = panels(campaign.draw_overview(kind, near, [], []))
+    assert labels(size) == ["20 °C", "30 °C"], "a chamber's wobble is no other temperature"
+    room = [sizes[0] | {"ambient_temperature_celsius": at} for at in ("25", "24", "25")]
+    (size,) = panels(campaign.draw_overview(kind, room, [], []))
+    assert labels(size) == ["25 °C"], "as most sheets state it, and no mean of them"
+    assert campaign.draw_overview({}, [], [], []).not_drawn
+
+
+def test_cells_that_differ_little_lie_apart_and_what_is_not_known_has_no_panel():
+    rows = [
+        {"cell": name, "ambient_temperature_celsius": "25", "direction": "discharge"}
+        | {"capacity_ampere_hour": f"{size}"}
+        for name, size in zip("ABC", (4.9, 5.0, 5.1), strict=True)
+    ]
+    kinds = dict.fromkeys("ABC", "NMC, 5 Ah") | {"T2": "LMO, 32 Ah"}
+    (size,) = panels(campaign.draw_overview(kinds, rows, [], []))
+    low, high = size.get_xlim()
+    assert (low, high) == (4.9 - 0.012, 5.1 + 0.012), "the differences, not the way from 0"
+    assert size.get_title(loc="left") == "NMC, 5 Ah: Capacity [Ah]"

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from figure_panels import rendered, title
 
+from cellwright.effects.story.words import name_of_effect
+
 from figures import canvas, effects
 
 
@@ -49,10 +51,14 @@ def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say
     columns["role"][16:] = "fit"
     columns["residual_volt"] = np.concatenate([change, 0.4 * change, np.where(change < 3e-3, 9, 1)])
     columns["rows"][-1] = 100
-    panels = rendered(effects.draw_evidence(columns))
+    figure = effects.draw_evidence(columns)
+    panels = rendered(figure)
+    said = "{}: {} % of it was missing\nbetter with it: {} of 8 parts"
+    assert [panel.get_legend() for panel in panels] == [None] * 4, "one legend below all"
+    assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["a", "b"]
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage: 100 % of it was missing\nbetter with it: 8 of 8 parts"
-    assert title(panels[1]) == "ocv edge: 40 % of it was missing\nbetter with it: 0 of 8 parts"
+    assert title(panels[0]) == said.format(name_of_effect("leakage"), 100, 8)
+    assert title(panels[1]) == said.format(name_of_effect("ocv_edge"), 40, 0)
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[0, 0], [4.2, 4.2]])
     points = panels[1].collections[-1]
     assert points.get_label() == "b"
@@ -76,16 +82,28 @@ def test_the_ranking_is_sorted_marks_what_is_needed_and_greys_what_is_out_of_ran
     ]
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     figure = effects.draw_ranking(columns)
-    first, second = rendered(figure)
+    (first,) = rendered(figure)
     names = [text.get_text() for text in first.get_yticklabels()]
-    assert names == ["slow diffusion", "ocv edge", "leakage"]
+    assert names == [*map(name_of_effect, ("slow_diffusion", "ocv_edge", "leakage"))]
     assert [bar.get_width() for bar in first.patches] == [5.0, 4.5, 4.0]
     assert [bar.get_hatch() for bar in first.patches] == [None, None, effects.HATCH]
     assert title(first) == "Each beside the plain model"
-    assert title(second) == "Each beside the other effects of the last model (0 in it)"
     assert first.get_lines()[0].get_xdata()[0] == 1.645
-    assert "gain −1.5, by ranks −1.0" in [text.get_text() for text in second.texts]
+    assert "gain 48.0, by ranks 5.0" in [text.get_text() for text in first.texts]
     assert "1.645 standard errors" in figure.legends[0].get_texts()[-1].get_text()
+
+
+def test_trials_below_what_is_needed_are_counted_and_not_drawn():
+    weak = [trial(2, name, 0.1, 1.0) for name in ("leakage", "ocv_edge", "time_skew")]
+    rows = [*weak, trial(2, "slow_diffusion", 59.0, 5.0, chosen=True)]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    (panel,) = rendered(effects.draw_ranking(columns))
+    assert [text.get_text() for text in panel.get_yticklabels()] == ["slow diffusion"]
+    said = "Each beside the other effects of the last model (1 in it); 3 below what is needed"
+    assert title(panel).replace("\n", " ").startswith(said)
+    nothing = {name: [row[name] for row in weak] for name in rows[0]}
+    (panel,) = rendered(effects.draw_ranking(nothing))
+    assert len(panel.get_yticklabels()) == 3, "where none reaches it, all are drawn"
 
 
 BOTH = ("before", "after")

@@ -17,7 +17,7 @@
   }
   // What helps with a script: a button that unfolds, tables that scroll by keyboard where they must.
   function ready(part) {
-    part.querySelectorAll(".fold, .closer").forEach(function (button) { button.hidden = false; });
+    part.querySelectorAll(".fold, .closer, .saves").forEach(function (button) { button.hidden = false; });
     part.querySelectorAll(".scroll").forEach(function (box) { box.tabIndex = box.scrollWidth > box.clientWidth ? 0 : -1; });
   }
   // `#cell-C3/tests` is a place on the page `cell-C3`. Back returns to where one was.
@@ -36,6 +36,8 @@
       for (var up = spot; up; up = up.parentElement) { if (up.tagName === "DETAILS") { up.open = true; } }
       if (typeof top === "number") { window.scrollTo(0, top); } else if (spot) { spot.scrollIntoView(); } else { window.scrollTo(0, 0); }
       body.dataset.shown = id === page || spot ? id : page;
+      // Paper does not wait for pictures that nobody has scrolled to.
+      setTimeout(function () { shown.forEach(function (s) { s.querySelectorAll("img").forEach(function (img) { img.loading = "eager"; }); }); }, 300);
     });
   }
   var later;
@@ -56,18 +58,56 @@
     }
   }, true);
   window.addEventListener("popstate", function (event) { show(event.state && event.state.top); });
-  // On paper nothing is folded.
+  // On paper a cell whose chapters are all folded is two pages; one chapter unfolded, and it is whole.
   var unfolded = [];
   window.addEventListener("beforeprint", function () {
-    unfolded = Array.from(document.querySelectorAll("section.here details:not([open])"));
+    document.querySelectorAll("section.here").forEach(function (section) {
+      var chapters = section.id.startsWith("cell-") && section.querySelector("details.chapter");
+      section.classList.toggle("brief", Boolean(chapters) && !section.querySelector("details.chapter[open]"));
+    });
+    unfolded = Array.from(document.querySelectorAll("section.here details:not([open]):not(td *)"));
     unfolded.forEach(function (one) { one.open = true; });
   });
   window.addEventListener("afterprint", function () { unfolded.forEach(function (one) { one.open = false; }); });
+  // Units and columns of the overview: the numbers before the first word, and a range in brackets.
+  var UNITS = { Ah: { mAh: 3 }, "mΩ": { "Ω": -3 }, mV: { V: -3 } };
+  function moved(text, digits) {
+    return text.replace(/^[-\d.]+(?: ± [\d.]+)?|\([\d.]+–[\d.]+\)/g, function (part) {
+      return part.replace(/\d+(?:\.\d+)?/g, function (one) {
+        var places = Math.max((one.split(".")[1] || "").length - digits, 0);
+        return (Number(one) * Math.pow(10, digits)).toFixed(places);
+      });
+    });
+  }
+  function choices(box, headings, rows) {
+    headings.forEach(function (th, k) {
+      if (!k) { return; }
+      var name = th.textContent, unit = (/\[(.+)\]/.exec(name) || [])[1], label = document.createElement("label"), tick = document.createElement("input");
+      var cells = rows.map(function (row) { return row.cells[k]; }), texts = cells.map(function (cell) { return cell.textContent; });
+      tick.type = "checkbox";
+      tick.checked = true;
+      tick.addEventListener("change", function () { cells.concat(th).forEach(function (cell) { cell.hidden = !tick.checked; }); });
+      label.append(tick, name);
+      box.append(label);
+      if (!UNITS[unit]) { return; }
+      var select = document.createElement("select");
+      select.setAttribute("aria-label", "Unit of " + name);
+      [unit].concat(Object.keys(UNITS[unit])).forEach(function (one) { select.append(new Option(one)); });
+      select.addEventListener("change", function () {
+        var digits = UNITS[unit][select.value] || 0, heading = name.replace(unit, select.value);
+        cells.forEach(function (cell, n) { cell.textContent = digits ? moved(texts[n], digits) : texts[n]; cell.dataset.label = heading; });
+        (th.querySelector("button") || th).textContent = heading;
+      });
+      label.append(" ", select);
+    });
+  }
   // Cells of the overview: sorted by a click on a heading, filtered by type, text and mark.
   var table = document.querySelector("table.cells");
   if (table) {
     var rows = Array.from(table.tBodies[0].rows), headings = Array.from(table.tHead.rows[0].cells);
     var texts = rows.map(function (row) { return row.textContent.toLowerCase(); });
+    var columns = document.querySelector(".columns");
+    if (columns) { choices(columns, headings, rows); columns.parentElement.hidden = false; }
     var key = function (row, k) { var cell = row.cells[k]; return cell.dataset.key || (cell.textContent.trim() ? cell.textContent : ""); };
     headings.forEach(function (th, k) {
       var button = document.createElement("button");
@@ -107,7 +147,7 @@
   }
   var top = history.state && history.state.top;
   document.addEventListener("DOMContentLoaded", function () {
-    document.querySelectorAll("[data-written]").forEach(function (spot) { spot.textContent = "This file was written on " + document.lastModified + "."; });
+    document.querySelectorAll("[data-written]").forEach(function (spot) { spot.textContent = spot.dataset.written + new Date(document.lastModified).toLocaleString(undefined, { dateStyle: "long", timeStyle: "short" }); });
     ready(document);
     if (waiting) { show(top); }
   });

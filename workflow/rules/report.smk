@@ -44,6 +44,12 @@ rule report:
         pybamm=EXPORTED["pybamm_thevenin.json"],
         simulated=predicted("simulation"),
         series=predicted("clean"),
+        curves=[
+            path
+            for cell in CELLS
+            for stage, kind in (("ocv", "ocv"), ("ica_curve", "ica"))
+            for path in artefacts(stage, cell, kind)
+        ],
     output:
         "results/report.html",
     log:
