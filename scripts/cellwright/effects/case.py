@@ -1,4 +1,4 @@
-"""One cell as a case of the search: the records fitted and those that judge.
+"""One cell as a case of the search: its training and validation records.
 
 Also its fits, the noise of its residuals, and measurements that decide between tied effects.
 """
@@ -89,7 +89,7 @@ class Filters(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
+    """A cell, its training and validation records (records.Stack), tolerances and gates.
 
     gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
     companion of a given model and how well they are known (`own`), else None. otherwise : the same
@@ -194,7 +194,7 @@ class Case(NamedTuple):
         return base.voltage(self.cell, self.stack(side), values, effects)
 
     def unsure(self, values, effects, prediction):
-        """What is unsure of the records that judge, by a model and its prediction: judge.Unsure."""
+        """What is unsure of the validation records, by a model and its prediction: judge.Unsure."""
         about = self.cell, self.validation, values, effects, self.tolerance
         return unsure_of(*about, prediction, self.shared)
 
@@ -221,7 +221,7 @@ class Case(NamedTuple):
         return self._filters_beside(spread, filters.extra_volt)
 
     def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge.
+        """State of a fitted model: its errors on the validation records.
 
         Of these records only the first rest enters a parameter, their SoC at the start. What that
         and a stated temperature leave unsure is taken out of their errors.

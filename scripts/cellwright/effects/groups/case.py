@@ -62,7 +62,7 @@ class GroupFilters(NamedTuple):
 
 
 class GroupCase(NamedTuple):
-    """A group, its records fitted and those that judge, tolerances and gates.
+    """A group, its training and validation records, tolerances and gates.
 
     cells : tuple of Branch. fit, validation : records.Stack, with the stated SoC at their starts.
     The methods are those that `search` needs.
@@ -127,7 +127,7 @@ class GroupCase(NamedTuple):
         return np.concatenate([run.voltage, run.current.T.ravel()])
 
     def unsure(self, values, effects, prediction):
-        """What is unsure of the records that judge, the group's SoC at their starts: Unsure."""
+        """What is unsure of the validation records, the group's SoC at their starts: Unsure."""
         starts = [f"soc0[{k}]" for k in range(len(self.validation.first))]
         moved = values | {name: values[name] + SOC_STEP for name in starts}
         change = (self.predict("validation", moved, effects) - prediction) / SOC_STEP
@@ -151,7 +151,7 @@ class GroupCase(NamedTuple):
         return _filters(self, noises_of(self, residual, None if first else filters.noise))
 
     def state(self, effects, solution, filters):
-        """State of a fitted model: its errors on the records that judge, starts profiled out."""
+        """State of a fitted model: its errors on the validation records, starts profiled out."""
         values = _started(self, solution.values, effects)
         volts = self.predict("validation", values, effects)
         unsure, error = self.unsure(values, effects, volts), rows_of(self, self.validation) - volts
