@@ -86,7 +86,7 @@ def draw_resistance_growth(growth):
     shown = (growth["direction"] == "discharge") & (growth["delay_second"] == 0)
     cycles = np.unique(growth["cycle"][shown])
     if len(cycles) < 2:
-        return style.message("Pulses of one check-up: how resistance grows takes two.")
+        return style.message("Resistance growth needs pulse tests at two check-ups; there is one.")
     figure, axes = style.subplots(1, 2, height=3.4)
     for place, cycle in enumerate(cycles):
         rows = shown & (growth["cycle"] == cycle)

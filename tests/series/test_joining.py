@@ -27,7 +27,7 @@ def part(start=0.0, rows=11, *, unix=None, counter=None):
 def test_dates_give_the_real_pause():
     joined = join([part(unix=1e9), part(unix=1e9 + 3610)])
     assert joined.columns["test_time_second"][11] == pytest.approx(3610)
-    assert "after 3600 s (dates)" in joined.notes[0]
+    assert "begins 3600 s after the end of file 1, by their dates" in joined.notes[0]
     assert joined.columns["file_index"].tolist() == [0] * 11 + [1] * 11
 
 

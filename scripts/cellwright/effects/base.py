@@ -313,7 +313,7 @@ def _product(stack, *factors):
 
 
 def kept_response(stack, columns, sizes, make):
-    """What follows from columns and sizes (n,): that which is kept, else made and kept.
+    """Return the cached response to columns and sizes (n,), or make and cache it.
 
     Most parameters that a fit moves change neither.
 

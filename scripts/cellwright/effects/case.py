@@ -1,4 +1,4 @@
-"""One cell as a case of the search: the records fitted and those that judge.
+"""One cell as a case of the search: its training and validation records.
 
 Also its fits, the noise of its residuals, and measurements that decide between tied effects.
 """
@@ -65,7 +65,7 @@ MOST_WHITE = 1.5  # times the scatter of neighbouring rows
 
 
 class Case(NamedTuple):
-    """A cell, its records fitted and those that judge (records.Stack), tolerances and gates.
+    """A cell, its training and validation records (records.Stack), tolerances and gates.
 
     gap : voltage between the branches of the slow test, gap.SlowGap. start, log_std : values of the
     companion of a given model and how well they are known (`own`), else None. otherwise : the same
@@ -170,7 +170,7 @@ class Case(NamedTuple):
         return base.voltage(self.cell, self.stack(side), values, effects)
 
     def unsure(self, values, effects, prediction):
-        """What is unsure of the records that judge, by a model and its prediction: judge.Unsure."""
+        """What is unsure of the validation records, by a model and its prediction: judge.Unsure."""
         about = self.cell, self.validation, values, effects, self.tolerance
         return unsure_of(*about, prediction, self.shared)
 

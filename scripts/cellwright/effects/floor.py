@@ -31,7 +31,7 @@ def floor_of(case, state, free, rows, read_volt):
 
     The parameters of the plain model are known to within their posterior: priors (tolerances of
     the OCV, of the capacity, of the SoC at a start; of a group the declared spread of its branches)
-    narrowed by the records fitted. Through the sensitivities of the records that judge this is an
+    narrowed by the records fitted. Through the sensitivities of the validation records this is an
     error that no missing effect has made.
 
     Parameters

@@ -155,7 +155,7 @@ def _declared_limits(case, capacity):
 
 
 class Unsure(NamedTuple):
-    """What is unsure of the records that judge: the SoC at a start, a temperature, a template.
+    """What is unsure of the validation records: the SoC at a start, a temperature, a template.
 
     changes : (m, p) of the prediction for one unit of each in all records at once. stds : (f, p) of
     each in each record. file : (m,) number of the record of each row. alone : numbers of the
@@ -174,7 +174,7 @@ class Unsure(NamedTuple):
 
         A start that is known to a millivolt moves the whole record by as much. That is no error of
         the model; counted as such, it would be proof of an effect that also moves whole records.
-        What asks for more than is left open by the rest and the sheet is the model's own.
+        Errors beyond what the rest and the sheet leave open are attributed to the model.
         """
         both = whitening.apply(np.column_stack([self.changes, error]))
         errors = np.zeros_like(self.stds)

@@ -26,7 +26,7 @@ LEAST_ROWS = 5
 
 
 class Blocks(NamedTuple):
-    """Blocks of the records fitted and of those that judge.
+    """Blocks of training and validation records.
 
     fitted, judging : (n,), (m,) number of the block of each row, -1: in none; of several channels
     one after the other a block holds all. record : (b,) of each block, those of one record

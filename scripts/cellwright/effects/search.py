@@ -21,7 +21,7 @@ Both have these methods and values:
 `with_effect(free, effect)` : free parameters beside those of an effect.
 `problem(effects, free, filters)` : the fit of a model with effects, `least_squares.Problem`.
 `predict(side, values, effects)` : prediction of the records of a side, "fit" or "validation".
-`unsure(values, effects, prediction)` : what is unsure of the records that judge, `judge.Unsure`.
+`unsure(values, effects, prediction)` : what is unsure of the validation records, `judge.Unsure`.
 `in_volt(rows)` : rows of a prediction as voltages of the channels that errors are told of [V].
 `filters_for(residual, filters, first)` : whitening by the noise of a residual (`.noise`, `.fit`,
     `.validation`), and the blocks of the records (`.blocks`).
@@ -268,7 +268,7 @@ def _conclude(found):
 def _best(found):
     """The model that predicts best of those that were fitted.
 
-    A model that errs more than the plain one on the records that judge, by more than anyone would
+    A model that errs more than the plain one on the validation records, by more than anyone would
     accept (`material_volt`), is not taken: the score has heavy tails, and a few blocks that are
     missed by half a volt, below an empty end, hardly lower it.
     """

@@ -99,7 +99,7 @@ class Space:
         """Take from the slopes what the fit of the model has left of them.
 
         It ended where no step helped any more. Towards a minimum that the products promise beyond
-        that, no model of the space may move, for the errors of the records that judge would follow.
+        that, no model of the space may move, for the errors of the validation records would follow.
         """
         own = [*self._plain, *(k for term in self.inside for k in self.terms[term].columns)]
         slope = self._fitted[own, -1] + self._pull[own]
@@ -376,7 +376,7 @@ def candidates_beside(case, side, values, prediction, effects, possible, further
 
 
 def _derivatives(case, state, prediction, free):
-    """Derivatives (m, k) of the records that judge by the free parameters; none by the starts of
+    """Derivatives (m, k) of the validation records by the free parameters; none by the starts of
     the others, for they have starts of their own."""
 
     def predict(values):

@@ -9,11 +9,11 @@ from cellwright.numerics.least_squares import inverse
 from cellwright.numerics.statistics import rms
 
 PRICE = 1.0  # nats an effect
-SIDES = ("fit", "validation")  # records that are fitted, and those that judge
+SIDES = ("fit", "validation")  # training and validation records
 
 
 class State(NamedTuple):
-    """A fitted model: its effects, and its errors on the records fitted and those that judge.
+    """A fitted model: its effects, and its errors on training and validation records.
 
     values : of the validation records, with their own starts. validation : residual (m,), errors of
     the starts taken out. validation_white : the same whitened. rmse_volt, validation_rmse_volt : of

@@ -120,7 +120,7 @@ def verdict_of(name, found, result, place, deviations, *, next_test=None, not_te
     -------
     verdict : dict, as in the contract; `partial` holds effects that explain part of an "unknown"
     gap, `small` keys of those that are in the model without a name. `errors` : of the plain model,
-    of its names alone, and of the whole model, by the records fitted and by those that judge [V].
+    of its names alone, and of the whole model, of training and validation records [V].
     """
     entries = [_entry(found, one, result, deviations) for one in result.names]
     settled = result.word in ("named", "ambiguous")
@@ -213,7 +213,7 @@ def sizes_of_names(result, deviations):
 
 
 def is_proven(found, one):
-    """Whether the records that judge show an effect by themselves: surely, and in its size."""
+    """Whether the validation records show an effect by themselves: surely, and in its size."""
     case, blocks = found.case, found.yardstick.blocks
     judges, states = blocks.judges, (one.before, one.state)
     ends = (found.yardstick.density(squares)[judges] for squares in one.squares)

@@ -72,7 +72,10 @@ def capacity_from_resistance(fleet):
     """
     known = np.isfinite(fleet.capacity_ampere_hour)
     if known.sum() < 6:
-        raise Refusal(f"{known.sum()} cells with a known capacity and pulses; a fleet needs 6")
+        found = f"{known.sum()} of its cells have them"
+        raise Refusal(
+            f"no fleet comparison: it needs 6 cells with capacity and pulse tests, {found}"
+        )
     capacity, ohms = fleet.capacity_ampere_hour, fleet.resistance_ohm
     mean = ohms.mean(axis=1)
     ordered = np.sort(capacity[known])

@@ -253,7 +253,7 @@ def _with_usual_errors(member, scores, celsius):
 
 
 def proved(model, rows, tests, cell, *, split_rest_second):
-    """A model whose member with effects stays chosen only where it wins on whole tests left out.
+    """Keep the member with effects only if its error on tests left out is lower.
 
     Blocks left out of a test that the effects were searched in have chosen the effects too: what
     fits that test alone (its sampling, its sensor) passes there, and misses the next test. So both,

@@ -25,7 +25,7 @@ from cellwright.refusal import Refusal
 LEAST_LOG_STD, MOST_LOG_STD = 0.02, 0.3
 TAU_LOG_STD = 0.1
 LEAST_OHM = 1e-9
-GIVEN_STD = 1e-3  # of the scale of the given voltage's part that the companion does not have
+GIVEN_STD = 1e-3  # prior of the factor on (given − companion) voltage
 
 
 class Given(NamedTuple):

@@ -48,7 +48,7 @@ class Channels(NamedTuple):
 
 
 class GroupCase(NamedTuple):
-    """A group, its records fitted and those that judge, tolerances and gates.
+    """A group, its training and validation records, tolerances and gates.
 
     cells : tuple of Branch. fit, validation : records.Stack, with the stated SoC at their starts.
     The methods are those that `search` needs.
@@ -146,7 +146,7 @@ class GroupCase(NamedTuple):
         return values
 
     def unsure(self, values, effects, prediction):
-        """What is unsure of the records that judge, the group's SoC at their starts: Unsure."""
+        """What is unsure of the validation records, the group's SoC at their starts: Unsure."""
         starts = [f"soc0[{k}]" for k in range(len(self.validation.first))]
         moved = values | {name: values[name] + SOC_STEP for name in starts}
         change = (self.predict("validation", moved, effects) - prediction) / SOC_STEP

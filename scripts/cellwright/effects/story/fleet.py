@@ -16,7 +16,7 @@ class Entry(NamedTuple):
     type, cell, effect : their names. shown : "sure"; "unsure", where something speaks against it or
     it explains a part of what is left unknown; "or another", where it is one of the names of a tie
     that another was chosen from; "not testable"; "no". size_volt : root mean square of what it
-    takes off the error on records that judge, else on those fitted; None where it is not shown [V].
+    takes off the error on validation records, else on those fitted; None where it is not shown [V].
     """
 
     type: str
@@ -98,7 +98,7 @@ def _shown(verdict, witnesses):
 
 
 def _size_volt(one):
-    """What an effect takes off the error, of records that judge where it shows there [V]."""
+    """What an effect takes off the error, of validation records where it shows there [V]."""
     key = "rmse_volt" if one.get("proof") == "unproven" else "validation_rmse_volt"
     return excess_volt(one[key]["before"], one[key]["after"])
 
