@@ -14,7 +14,7 @@ class Models(NamedTuple):
         (resistances on a fixed series of time constants); +H with hysteresis, +K with kinetics,
         +D with diffusion in the particles. P is one particle with charge transfer, of one set of
         numbers for all temperatures: it predicts voltages where it is better beyond chance,
-        beside a member that serves filters, packs and exports.
+        beside a member that serves filters, packs and tables.
     split_rest_second [s] : Tests of role `split` are cut into blocks at rests that last at least
         this long; those without one into parts, each at least twice as long.
     """
