@@ -439,13 +439,12 @@ def kernel_arrays(particle):
     Returns
     -------
     arrays : dict, name → array of float: `sizes` (shells, lags, stops of the hysteresis, knots of
-        each course, points of the OCV, columns of derivatives: none), `sphere`, `knots`, `vector`,
-        `ocv_volt`.
+        each course, points of the OCV), `sphere`, `knots`, `vector`, `ocv_volt`.
     """
     courses = NEAR_EMPTY, OHMIC, RELAXING, OPEN, ENTROPIC, TURNING
     volume, conductance, to_surface = _shells()
     numbers = [to_surface, LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE]
-    sizes = [SHELLS, len(LAGS), STOPS, *map(len, courses), len(particle.ocv_volt), 0]
+    sizes = [SHELLS, len(LAGS), STOPS, *map(len, courses), len(particle.ocv_volt)]
     return {
         "sizes": np.array(sizes, float),
         "sphere": np.concatenate([volume, conductance, 1.0 / (WIDTHS * TURN_SHARE), numbers]),

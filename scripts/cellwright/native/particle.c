@@ -229,205 +229,146 @@ void particle(int64_t rows, const double *step, const double *current, const dou
     }
 }
 
-/* ---- one step, from any state ---- */
+/* ---- one step, from any state: what a functional mock-up unit takes ---- */
 
 /* What a step needs to know of a particle; its numbers lie as circuits/particle.py lays them out. */
 typedef struct {
     int64_t shells, lags, stops, near_empty, ohmic, relaxing, open, entropic, turning, points;
-    int64_t columns;
     const double *volume, *conductance; /* (shells,) */
-    const double *per_turn;             /* (stops,): of a hysteresis, how far a charge moves each */
+    const double *per_turn; /* (stops,) of the hysteresis: how far the whole capacity moves each */
     double to_surface, longest, reference, bend_reference;
     const double *knots, *vector, *ocv;
 } particle_of;
-
-/* A course over SoC, linear between knots and flat beyond, and its slope. */
-INLINE double course_at(const double *values, const double *knots, int64_t count, double soc,
-                        double *slope) {
-    double share;
-    int64_t inside;
-    const int64_t m = interval_of(knots, count, soc, &share, &inside);
-    *slope = inside ? (values[m + 1] - values[m]) / (knots[m + 1] - knots[m]) : 0.0;
-    return values[m] * (1.0 - share) + values[m + 1] * share;
-}
 
 /* A particle of its sizes, sphere (volume and conductance of the shells, moves of the stops, way to
  * the surface, longest step, reference of temperatures and of bends), knots, numbers and OCV. */
 INLINE particle_of particle_from(const int64_t *sizes, const double *sphere, const double *knots,
                                  const double *vector, const double *ocv) {
-    const int64_t shells = sizes[0];
-    const double *turns = sphere + 2 * shells, *rest = turns + sizes[2];
-    return (particle_of){shells, sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
-                         sizes[7], sizes[8], sizes[9], sizes[10], sphere, sphere + shells, turns,
-                         rest[0], rest[1], rest[2], rest[3], knots, vector, ocv};
+    const double *turns = sphere + 2 * sizes[0], *rest = turns + sizes[2];
+    return (particle_of){sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], sizes[6],
+                         sizes[7], sizes[8], sizes[9], sphere, sphere + sizes[0], turns, rest[0],
+                         rest[1], rest[2], rest[3], knots, vector, ocv};
 }
 
-/* Resistance of a lag or of what is ohmic: its course over SoC, energy and bend; slope of its ln. */
+/* A course over SoC, linear between knots and flat beyond. */
+INLINE double course_at(const double *values, const double *knots, int64_t count, double soc) {
+    double share;
+    int64_t inside;
+    const int64_t m = interval_of(knots, count, soc, &share, &inside);
+    return values[m] * (1.0 - share) + values[m + 1] * share;
+}
+
+/* A resistance of logarithms over SoC, after which its energy and the bend of that lie. */
 INLINE double ohm_at(const double *values, const double *knots, int64_t count, double soc,
-                     double warmth, double bent, double *slope) {
-    const double ln_ohm = course_at(values, knots, count, soc, slope);
-    return exp(ln_ohm + (values[count] * warmth + values[count + 1] * bent) / GAS_CONSTANT);
+                     double warmth, double bent) {
+    const double energy = values[count] * warmth + values[count + 1] * bent;
+    return exp(course_at(values, knots, count, soc) + energy / GAS_CONSTANT);
 }
 
-/* Open-circuit voltage of a particle at a SoC, a temperature and a state of its hysteresis (-1 to 1),
- * and its slope over the SoC. */
-static double particle_ocv(const particle_of *p, double soc, double celsius, double direction,
-                           double *slope) {
-    const double *near = p->knots, *open_at = near + p->near_empty + p->ohmic + p->relaxing;
-    const int64_t own = 2 * p->near_empty + 6 + p->ohmic + 2 + p->lags * (p->relaxing + 4);
-    const double *shift = p->vector + own, warmer = celsius - (p->reference - ZERO_CELSIUS);
-    const double *entropy = shift + p->open, *half_gap = entropy + p->entropic;
-    const double *entropic_at = open_at + p->open, *turning_at = entropic_at + p->entropic;
-    double volt, by_shift, by_kelvin, by_gap;
-    ocv_and_slope(p->ocv, p->points, soc, &volt, slope);
-    volt += course_at(shift, open_at, p->open, soc, &by_shift);
-    volt += warmer * course_at(entropy, entropic_at, p->entropic, soc, &by_kelvin);
-    volt += direction * course_at(half_gap, turning_at, p->turning, soc, &by_gap);
-    *slope += by_shift + warmer * by_kelvin + direction * by_gap;
-    return volt;
+/* Where its ohmic resistance, its lags and the shift of its OCV lie among its numbers. */
+INLINE const double *ohmic_of(const particle_of *p) { return p->vector + 2 * p->near_empty + 6; }
+INLINE const double *lags_of(const particle_of *p) { return ohmic_of(p) + p->ohmic + 2; }
+INLINE const double *shift_of(const particle_of *p) {
+    return lags_of(p) + p->lags * (p->relaxing + 4);
 }
 
-/* Voltage of a state under a current, and its derivatives by the columns. */
+/* Open-circuit voltage at a SoC, a temperature and a state of the hysteresis, -1 to 1. */
+static double particle_ocv(const particle_of *p, double soc, double celsius, double direction) {
+    const double *open = p->knots + p->near_empty + p->ohmic + p->relaxing, *shift = shift_of(p);
+    const double *entropic = open + p->open, *entropy = shift + p->open;
+    const double per_kelvin = course_at(entropy, entropic, p->entropic, soc);
+    const double half_gap =
+        course_at(entropy + p->entropic, entropic + p->entropic, p->turning, soc);
+    double volt, slope;
+    ocv_and_slope(p->ocv, p->points, soc, &volt, &slope);
+    return volt + course_at(shift, open, p->open, soc) + direction * half_gap +
+           (celsius - (p->reference - ZERO_CELSIUS)) * per_kelvin;
+}
+
+/* Voltage of a state under a current. State: SoC of the shells and of the surface, overvoltage of
+ * charge transfer [V], lags [A], stops of the hysteresis. */
 static double particle_volt(const particle_of *p, double current, double celsius,
-                            const double *state, const double *by, double *volt_by) {
-    const double kelvin = celsius + ZERO_CELSIUS, warmth = 1.0 / kelvin - 1.0 / p->reference;
+                            const double *state) {
+    const double warmth = 1.0 / (celsius + ZERO_CELSIUS) - 1.0 / p->reference;
     const double bent = warmth * warmth / p->bend_reference, surface = state[p->shells];
-    const double *ohmic_at = p->knots + p->near_empty, *relaxing_at = ohmic_at + p->ohmic;
-    const double *r0 = p->vector + 2 * p->near_empty + 6, *lag = r0 + p->ohmic + 2;
-    const double *stops = state + p->shells + 2 + p->lags;
-    double slope, by_log, by_surface, ohms[MOST_LAGS], direction = 0.0;
-    for (int64_t i = 0; i < p->stops; i++) direction += stops[i] / (double)p->stops;
-    double volt = particle_ocv(p, surface, celsius, direction, &by_surface) + state[p->shells + 1];
-    const double drop =
-        current * ohm_at(r0, ohmic_at, p->ohmic, surface, warmth, bent, &slope);
-    volt += drop;
-    by_surface += drop * slope;
-    for (int64_t i = 0; i < p->lags; i++) {
-        ohms[i] = ohm_at(lag + i * (p->relaxing + 4), relaxing_at, p->relaxing, surface, warmth,
-                         bent, &by_log);
-        const double over = ohms[i] * state[p->shells + 2 + i];
-        volt += over;
-        by_surface += over * by_log;
-    }
-    for (int64_t c = 0; c < p->columns; c++) {
-        const double *at = by + p->shells * p->columns + c;
-        volt_by[c] = by_surface * at[0] + at[p->columns];
-        for (int64_t i = 0; i < p->lags; i++) volt_by[c] += ohms[i] * at[(2 + i) * p->columns];
-    }
+    const double *knots = p->knots + p->near_empty, *lag = lags_of(p);
+    double direction = 0.0;
+    for (int64_t i = 0; i < p->stops; i++)
+        direction += state[p->shells + 2 + p->lags + i] / (double)p->stops;
+    double volt = particle_ocv(p, surface, celsius, direction) + state[p->shells + 1];
+    volt += current * ohm_at(ohmic_of(p), knots, p->ohmic, surface, warmth, bent);
+    knots += p->ohmic;
+    for (int64_t i = 0; i < p->lags; i++, lag += p->relaxing + 4)
+        volt += state[p->shells + 2 + i] *
+                ohm_at(lag, knots, p->relaxing, surface, warmth, bent);
     return volt;
 }
 
-/* SoC of the shells and of the surface after one implicit step of the diffusion, and the columns. */
+/* SoC of the shells and of the surface after one implicit step of the diffusion. */
 static void particle_diffused(const particle_of *p, double second, double flow, double warmth,
-                              double *z, double *by) {
-    const int64_t last = p->shells - 1, n = p->columns;
+                              double *z) {
+    const int64_t last = p->shells - 1;
     const double energy = p->vector[p->near_empty];
-    double rate[MOST_SHELLS], slope[MOST_SHELLS], below[MOST_SHELLS] = {0.0};
-    double middle[MOST_SHELLS], above[MOST_SHELLS] = {0.0};
-    double old_by[MOST_PARAMETERS];
-    memcpy(old_by, by + last * n, (size_t)n * sizeof(double));
-    double change_inner[MOST_SHELLS], change_outer[MOST_SHELLS];
+    double rate[MOST_SHELLS], below[MOST_SHELLS], middle[MOST_SHELLS], above[MOST_SHELLS];
     for (int64_t i = 0; i <= last; i++) {
-        rate[i] = exp(course_at(p->vector, p->knots, p->near_empty, z[i], &slope[i]) -
+        rate[i] = exp(course_at(p->vector, p->knots, p->near_empty, z[i]) -
                       energy * warmth / GAS_CONSTANT);
+        below[i] = above[i] = 0.0;
         middle[i] = p->volume[i] / second;
+        z[i] *= p->volume[i] / second;
     }
     for (int64_t i = 0; i < last; i++) {
-        const double sum = rate[i] + rate[i + 1];
-        const double passed = 2.0 * rate[i] * rate[i + 1] / sum * p->conductance[i];
-        change_inner[i] = 2.0 * p->conductance[i] * rate[i] * slope[i] * rate[i + 1] *
-                          rate[i + 1] / (sum * sum);
-        change_outer[i] = 2.0 * p->conductance[i] * rate[i + 1] * slope[i + 1] * rate[i] *
-                          rate[i] / (sum * sum);
+        const double passed =
+            2.0 * rate[i] * rate[i + 1] / (rate[i] + rate[i + 1]) * p->conductance[i];
         above[i] -= passed;
         middle[i] += passed;
         below[i + 1] -= passed;
         middle[i + 1] += passed;
     }
-    for (int64_t i = 0; i <= last; i++) z[i] *= p->volume[i] / second;
     z[last] += flow;
     for (int64_t i = 1; i <= last; i++) {
-        below[i] /= middle[i - 1];
-        middle[i] -= below[i] * above[i - 1];
-        z[i] -= below[i] * z[i - 1];
+        const double factor = below[i] / middle[i - 1];
+        middle[i] -= factor * above[i - 1];
+        z[i] -= factor * z[i - 1];
     }
     z[last] /= middle[last];
     for (int64_t i = last - 1; i >= 0; i--) z[i] = (z[i] - above[i] * z[i + 1]) / middle[i];
-    for (int64_t c = 0; c < n; c++) {
-        double right[MOST_SHELLS];
-        for (int64_t i = 0; i <= last; i++) right[i] = p->volume[i] / second * by[i * n + c];
-        for (int64_t i = 0; i < last; i++) {
-            const double change = (z[i + 1] - z[i]) * (change_inner[i] * by[i * n + c] +
-                                                       change_outer[i] * by[(i + 1) * n + c]);
-            right[i] += change;
-            right[i + 1] -= change;
-        }
-        for (int64_t i = 1; i <= last; i++) right[i] -= below[i] * right[i - 1];
-        by[last * n + c] = right[last] / middle[last];
-        for (int64_t i = last - 1; i >= 0; i--)
-            by[i * n + c] = (right[i] - above[i] * by[(i + 1) * n + c]) / middle[i];
-    }
-    const double lead = flow / rate[last] * p->to_surface;
-    z[p->shells] = z[last] + lead;
-    for (int64_t c = 0; c < n; c++)
-        by[p->shells * n + c] = by[last * n + c] - lead * slope[last] * old_by[c];
+    z[p->shells] = z[last] + flow / rate[last] * p->to_surface;
 }
 
-/* A step as `particle` takes it. State: SoC of the shells and of the surface, overvoltage of charge
- * transfer [V], lags [A], stops of the hysteresis; `by` has derivatives of each but the stops by any
- * columns, carried along. The current runs straight from first to now [A], the counted one is what
- * flows into the sphere, by flux; coulomb: charge of the whole capacity [A s]. */
+/* A step as `particle` takes it, of a current that is held; coulomb: charge of the capacity [A s]. */
 static void particle_moved(const particle_of *p, double flux, double coulomb, double whole,
-                           double first, double now, double counted, double celsius,
-                           double *state, double *by) {
-    double *stops = state + p->shells + 2 + p->lags;
-    for (int64_t i = 0; i < p->stops; i++) {
-        stops[i] += p->per_turn[i] * counted * whole / coulomb;
-        stops[i] = fmin(fmax(stops[i], -1.0), 1.0);
-    }
+                           double current, double celsius, double *state) {
     const double kelvin = celsius + ZERO_CELSIUS, warmth = 1.0 / kelvin - 1.0 / p->reference;
     const double bent = warmth * warmth / p->bend_reference;
-    const int64_t n = p->columns, parts = whole > p->longest ? (int64_t)ceil(whole / p->longest) : 1;
     const double *transfer = p->vector + p->near_empty + 1, *own = transfer + p->near_empty;
-    const double *lag = own + 5 + p->ohmic + 2 + p->relaxing + 2;
+    const double *lag = lags_of(p) + p->relaxing + 2;
+    const int64_t parts = whole > p->longest ? (int64_t)ceil(whole / p->longest) : 1;
     for (int64_t part = 0; part < parts; part++)
-        particle_diffused(p, whole / (double)parts, counted * flux, warmth, state, by);
-    double slope, by_chord = 0.0;
-    const double ohm = ohm_at(transfer, p->knots, p->near_empty, state[p->shells], warmth, bent,
-                              &slope);
+        particle_diffused(p, whole / (double)parts, current * flux, warmth, state);
+    const double ohm =
+        ohm_at(transfer, p->knots, p->near_empty, state[p->shells], warmth, bent);
     const double farad = exp(own[2] + own[3] * warmth / GAS_CONSTANT);
     const double scale = exp(own[4]) * GAS_CONSTANT * kelvin / FARADAY;
-    double *u = state + p->shells + 1, v = *u, by_ohm = 0.0, stiffness = 1.0;
-    lag_end end = {1.0, 0.0, 0.0};
+    const double u = state[p->shells + 1];
+    double v = u, by_chord;
     for (int64_t round = 0; round < ROUNDS; round++) {
         const double here = ohm * chord_of(v / scale, &by_chord);
         const double ratio = whole / (farad * here);
-        end = lag_ended(ratio, *u / here, first, now);
-        by_ohm = here * end.state - end.decay * *u - ratio * here * end.by_ratio;
-        stiffness = 1.0 - by_ohm * by_chord / scale;
-        double move = (here * end.state - v) / fmax(stiffness, LEAST_STIFFNESS);
-        move = fmin(fmax(move, -2.0 * scale), 2.0 * scale);
-        v += move;
+        const lag_end end = lag_ended(ratio, u / here, current, current);
+        const double by_ohm = here * end.state - end.decay * u - ratio * here * end.by_ratio;
+        const double stiffness = fmax(1.0 - by_ohm * by_chord / scale, LEAST_STIFFNESS);
+        const double move = (here * end.state - v) / stiffness;
+        v += fmin(fmax(move, -2.0 * scale), 2.0 * scale);
         if (fabs(move) < 1e-12) break;
     }
-    *u = v;
-    double *u_by = by + (p->shells + 1) * n;
-    for (int64_t c = 0; c < n; c++)
-        u_by[c] = (end.decay * u_by[c] + by_ohm * slope * by[p->shells * n + c]) / stiffness;
+    state[p->shells + 1] = v;
     for (int64_t i = 0; i < p->lags; i++, lag += p->relaxing + 4) {
         const double ratio = whole / exp(lag[0] + lag[1] * warmth / GAS_CONSTANT);
-        const lag_end lagged = lag_ended(ratio, state[p->shells + 2 + i], first, now);
-        state[p->shells + 2 + i] = lagged.state;
-        for (int64_t c = 0; c < n; c++) by[(p->shells + 2 + i) * n + c] *= lagged.decay;
+        double *w = state + p->shells + 2 + i;
+        *w = lag_ended(ratio, *w, current, current).state;
     }
-}
-
-/* One step and the voltage at its end, for the filters; see circuits/particle.py. */
-void particle_step(const int64_t *sizes, const double *sphere, const double *knots,
-                   const double *vector, const double *ocv, const double *step, double *state,
-                   double *by, double *volt) {
-    const particle_of p = particle_from(sizes, sphere, knots, vector, ocv);
-    if (step[2] > 0.0)
-        particle_moved(&p, step[0], step[1], step[2], step[3], step[4], step[5], step[6], state, by);
-    volt[0] = particle_volt(&p, step[4], step[6], state, by, volt + 1);
+    double *stops = state + p->shells + 2 + p->lags;
+    for (int64_t i = 0; i < p->stops; i++)
+        stops[i] = fmin(fmax(stops[i] + p->per_turn[i] * current * whole / coulomb, -1.0), 1.0);
 }

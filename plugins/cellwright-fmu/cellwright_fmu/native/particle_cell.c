@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { SIZES = 11, FIRST = 3, COURSES = 6, OF_SPHERE = 4, AFTER = 3 };
+enum { SIZES = 10, FIRST = 3, COURSES = 6, OF_SPHERE = 4, AFTER = 3 };
 
 struct battery {
     particle_of particle;
@@ -30,7 +30,7 @@ static int take(battery *b, const tables *t, char *why) {
         knots += (size_t)b->sizes[k];
     }
     const int64_t *z = b->sizes, *course = z + FIRST, lags = z[1], points = course[COURSES];
-    if (z[0] < 2 || z[0] > MOST_SHELLS || lags > MOST_LAGS || points < 2 || z[SIZES - 1]) return 0;
+    if (z[0] < 2 || z[0] > MOST_SHELLS || lags > MOST_LAGS || points < 2) return 0;
     array_of(t, "temperature_celsius", &b->temperatures);
     if (!b->temperatures) return 0;
     const int64_t numbers = 2 * course[0] + 6 + course[1] + 2 + lags * (course[2] + 4)
@@ -105,24 +105,23 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
 
 /* Half of the heat I·(V − OCV), the OCV of the whole charge: what evens out warms the cell too. */
 static double half_heat(const battery *b, double ampere, double volt, const double *state) {
-    double mean = 0.0, slope;
+    double mean = 0.0;
     for (int64_t i = 0; i < b->particle.shells; i++) mean += 3.0 * b->particle.volume[i] * state[i];
     const double celsius = state[states_of(b) + 2];
-    return 0.5 * ampere * (volt - particle_ocv(&b->particle, mean, celsius, 0.0, &slope));
+    return 0.5 * ampere * (volt - particle_ocv(&b->particle, mean, celsius, 0.0));
 }
 
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
                          double *state, reading *r) {
     double *const after = state + states_of(b), heat = 0.0;
     if (!b->heat_capacity) after[2] = ambient_celsius;
-    double volt = particle_volt(&b->particle, ampere, after[2], state, NULL, NULL);
+    double volt = particle_volt(&b->particle, ampere, after[2], state);
     if (second > 0.0) {
         const double flux = (1.0 + after[1]) / (3.0 * b->coulomb);
         heat = half_heat(b, ampere, volt, state);
-        particle_moved(&b->particle, flux, b->coulomb, second, ampere, ampere, ampere, after[2],
-                       state, NULL);
+        particle_moved(&b->particle, flux, b->coulomb, second, ampere, after[2], state);
         after[0] += ampere * second / b->coulomb;
-        volt = particle_volt(&b->particle, ampere, after[2], state, NULL, NULL);
+        volt = particle_volt(&b->particle, ampere, after[2], state);
     }
     if (second > 0.0 && b->heat_capacity) {
         heat += half_heat(b, ampere, volt, state);
