@@ -97,7 +97,7 @@ def test_pulses_displace_drives(hppc):
 
 def test_where_the_soc_is_counted_from_is_said_unless_stated(hppc):
     """The record starts at rest, full: its first voltage tells by the OCV table."""
-    assert [note for note in hppc["notes"] if not note.startswith("time constants end")] == []
+    assert [note for note in hppc["notes"] if not note.startswith("longest time constant")] == []
     test = fit_test()
     unstated = test._replace(facts=test.facts._replace(soc=None))
     model = identify(CELL, basis(), [unstated], **SETTINGS | {"members": ["1RC"]}).content

@@ -108,7 +108,7 @@ def test_a_series_ends_at_each_temperature_where_its_rests_end(two_temperatures)
         f"tau{len(one['branches'])}" in [b["parameter"] for b in one["at_bound"]]
         for one in (cold, warm)
     )
-    words = "time constants end at 3600 s at 10 °C, 3600 s at 40 °C"
+    words = "longest time constant: 3600 s at 10 °C, 3600 s at 40 °C"
     assert any(words in note for note in two_temperatures["notes"])
 
 
@@ -127,5 +127,7 @@ def test_a_stretch_beyond_what_is_counted_is_found_and_told(share, said):
     model = identify(cell_facts(), basis, [test], members=["2RC"], split_rest_second=120.0).content
     (entry,) = conditions(model, "2RC")
     assert entry["ocv_scale"]["stretch"] == pytest.approx(share, abs=0.015)
-    words = "stretched by more than capacity and counting leave open: +"
+    words = (
+        "stretches the SoC scale by more than the stated capacity and the counted charge allow: +"
+    )
     assert any(words in note for note in model["notes"]) is said
