@@ -51,8 +51,10 @@ def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say
     columns["rows"][-1] = 100
     panels = rendered(effects.draw_evidence(columns))
     assert [panel.axison for panel in panels] == [True, True, True, False]
-    assert title(panels[0]) == "leakage: 100 % of it was missing\nbetter with it: 8 of 8 parts"
-    assert title(panels[1]) == "ocv edge: 40 % of it was missing\nbetter with it: 0 of 8 parts"
+    named = "self-discharge: 100 % of it was missing"
+    assert title(panels[0]) == f"{named}\nbetter with it: 8 of 8 parts"
+    edge = "an OCV that differs near empty or full: 40 % of it was missing"
+    assert title(panels[1]) == f"{edge}\nbetter with it: 0 of 8 parts"
     np.testing.assert_allclose(panels[0].get_lines()[0].get_xydata(), [[0, 0], [4.2, 4.2]])
     points = panels[1].collections[-1]
     assert points.get_label() == "b"
@@ -78,7 +80,7 @@ def test_the_ranking_is_sorted_marks_what_is_needed_and_greys_what_is_out_of_ran
     figure = effects.draw_ranking(columns)
     first, second = rendered(figure)
     names = [text.get_text() for text in first.get_yticklabels()]
-    assert names == ["slow diffusion", "ocv edge", "leakage"]
+    assert names == ["slow diffusion", "an OCV that differs near empty or full", "self-discharge"]
     assert [bar.get_width() for bar in first.patches] == [5.0, 4.5, 4.0]
     assert [bar.get_hatch() for bar in first.patches] == [None, None, effects.HATCH]
     assert title(first) == "Each beside the plain model"
