@@ -198,8 +198,13 @@ def _named(label: str, path: str) -> str:
     return f"{label} (`{path}`)"
 
 
-if __name__ == "__main__":
+def renew():
+    """Write what is committed as it is made today; prints the path of each file that changes."""
     for path, content in committed().items():
         if not path.exists() or path.read_bytes() != content:
             path.write_bytes(content)
             print(f"written: {path.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    renew()
