@@ -57,7 +57,7 @@ def case(truth, *, hold, **changes):
 def test_a_name_does_not_hang_on_the_hold(true_hold, begun):
     """The plant's own steps of 0.5 s lag a ramp by a quarter of a second: 1.2 % of R0."""
     truth = Truth(asymmetry=0.3, ramps=HOLDS[true_hold])
-    _, result, fitted = searched(case(truth, hold=begun), LIBRARY)
+    _, result, fitted, _ = searched(case(truth, hold=begun), LIBRARY)
     assert [one.effect.id for one in result.names] == ["resistance_asymmetry"]
     for name, true in (("log_r0", np.log(R0_OHM)), (SIZE, 0.3)):
         assert abs(result.last.solution.values[name] - true) < 2 * fitted.stds[name] + 0.015

@@ -84,7 +84,7 @@ def library():
 
 def searched(made):
     """(Found, ids of the names) of a search."""
-    found, result, _ = finding.searched(made, library())
+    found, result, *_ = finding.searched(made, library())
     return found, [one.effect.id for one in result.names]
 
 

@@ -102,11 +102,13 @@ def test_keys_that_carry_a_unit_say_it():
 
 
 def test_the_search_takes_every_setting_of_its_sections():
-    """A key that no gate bears would be chosen and never used."""
-    from cellwright.effects.finding import Gates
+    """A key that no gate or tolerance bears would be chosen and never used."""
+    from cellwright.effects.finding import options_of
 
     section = CONFIG["properties"]["missing_effect"]
-    assert set(settings_module.of_science(section)) <= set(Gates._fields)
+    chosen = dict.fromkeys(settings_module.of_science(section), 7.0)
+    options = options_of(None, 120.0, chosen)
+    assert [*options["gates"], *options["tolerance"]].count(7.0) == len(chosen)
 
 
 @pytest.mark.parametrize("file", settings_module.files())

@@ -213,10 +213,10 @@ def case(truth, **options):
 
 @cache
 def searched(truth, *, without=(), **options):
-    """(Found, Outcome, Fitted) of a search of such a case, made once, by the library without some
+    """(Search, Outcome, Fitted) of a search of such a case, made once, by the library without some
     of its effects."""
     library = {name: effect for name, effect in LIBRARY.items() if name not in without}
-    return finding.searched(case(truth, **options), library)
+    return finding.searched(case(truth, **options), library)[:3]
 
 
 def names_of(result):

@@ -85,7 +85,7 @@ def missing_effect(
     Source: docs/missing-effect.md.
     """
     library = LIBRARY if library is None else library
-    options = _options(settings, split_rest_second, changes)
+    options = options_of(settings, split_rest_second, changes)
     cell, basis, tests = _record_of(cell, basis, tests)
     model = None if model is None else given.model(model)
     others = None
@@ -123,7 +123,7 @@ def _record_of(cell, basis, tests):
     return inputs.cell_facts(cell), inputs.basis(basis), inputs.tests(tests)
 
 
-def _options(settings, split_rest_second, changes):
+def options_of(settings, split_rest_second, changes):
     """What `prepared` takes beside the tests: tolerance, gates by their names in the settings, and
     settings."""
     search = inputs.settings_of(MissingEffect, settings, changes)._asdict()
@@ -142,7 +142,7 @@ def prepared_case(
     Returns `effects.case.Case`. Raises Refusal: no OCV, no test to fit, or none for validation.
     Source: docs/missing-effect.md.
     """
-    options = _options(settings, split_rest_second, changes)
+    options = options_of(settings, split_rest_second, changes)
     # Read before the kinds are chosen: impedance spectra have no columns of a series.
     known = [(inputs.test_facts(facts), series) for facts, series in tests]
     mine = [one for one in known if one[0].kind in (SLOW_TEST, *KINDS)]
@@ -181,7 +181,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     without blocks, which only a choice between models asks for.
     others : as of `missing_effect`.
     """
-    found, result, fitted, ruled_out = search_uncontradicted(case, library, others)
+    found, result, fitted, ruled_out = searched(case, library, others)
     known = library
     library = {name: effect for name, effect in library.items() if name not in ruled_out}
     case, deviations = found.case, fitted.stds
@@ -246,53 +246,41 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
     )
 
 
-def searched(case, library):
-    """What a search of a cell comes to.
+def searched(case, library, others=None):
+    """What a search of a cell comes to, without what other measurements of the cell rule out.
 
-    Parameters
-    ----------
-    case : case.Case. library : dict of Effect by id.
-
-    Returns
-    -------
-    found : search.Search. result : verdict.Outcome. fitted : Fitted, of its last model.
-    """
-    # Rivals first of their stage: the heat of the core is that of the resistances in the end.
-    return _with_outcome(search(case, OUTSIDE | library))
-
-
-def _with_outcome(found):
-    """What was found, its Outcome, and how sure the parameters of its last model are."""
-    fitted = _fitted(found)
-    known = about_fit(found.case) | found.last.solution.values
-    return found, outcome(found, fitted, known), fitted
-
-
-def search_uncontradicted(case, library, others):
-    """As `searched`, and what other measurements rule out: dict id → row of `contradicted`.
-
-    What a measurement of the cell rules out explains nothing: the search goes on without it, so
-    that neither the model nor the sizes of other effects hold any of it.
+    That explains nothing: the search goes on without it, so that neither the model nor the sizes of
+    other effects hold any of it.
 
     Parameters
     ----------
     case : case.Case. library : dict of Effect by id. others : witnesses.collected.Others, or None.
+
+    Returns
+    -------
+    found : search.Search. result : verdict.Outcome. fitted : Fitted, of its last model. ruled_out :
+    dict id → row of `contradicted`.
     """
-    found, result, fitted = searched(case, library)
-    ruled_out = {}
-    while others is not None:
-        model = model_of(found.case, found.last)
-        socs = _socs(found.case, found.last)
-        series = _series(found.case, socs, found.first, found.last, found.filters)
-        tables = others.tables | {"series": series}
-        measured = measured_of(tables, others.basis, model, ambient=others.ambient)
-        names = sizes_of_names(result, fitted.stds)
-        more = {one["effect"]: one for one in contradicted(names, model, measured, library)}
+    # Rivals first of their stage: the heat of the core is that of the resistances in the end.
+    found, ruled_out = search(case, OUTSIDE | library), {}
+    while True:
+        fitted = _fitted(found)
+        result = outcome(found, fitted, about_fit(case) | found.last.solution.values)
+        more = {} if others is None else _ruled_out(found, result, fitted, others, library)
         if not more:
-            break
+            return found, result, fitted, ruled_out
         ruled_out |= more
-        found, result, fitted = _with_outcome(resume_without(found, ruled_out))
-    return found, result, fitted, ruled_out
+        found = resume_without(found, ruled_out)
+
+
+def _ruled_out(found, result, fitted, others, library):
+    """Names that other measurements rule out, see `searched`: dict id → row of `contradicted`."""
+    model, socs = model_of(found.case, found.last), _socs(found.case, found.last)
+    series = _series(found.case, socs, found.first, found.last, found.filters)
+    tables = others.tables | {"series": series}
+    measured = measured_of(tables, others.basis, model, ambient=others.ambient)
+    names = sizes_of_names(result, fitted.stds)
+    return {one["effect"]: one for one in contradicted(names, model, measured, library)}
 
 
 def _fitted(found):

@@ -18,8 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.numerics.compare import compare
-
 NU = 4.0  # degrees of freedom of the error: the usual ones of a robust fit (Lange et al.)
 BANDS = 10  # of the SoC
 LEAST_ROWS = 5
@@ -147,14 +145,6 @@ def mean_squares(whitened, block, blocks):
 def densities(squares):
     """Log predictive density of each block (b,), from the mean square of its errors."""
     return -(NU + 1.0) / 2.0 * np.log1p(squares / NU)
-
-
-def difference(better, worse, record):
-    """How much better one model predicts than another, by their densities (b,): `compare`.
-
-    record : (b,) see `Blocks`.
-    """
-    return compare(better, worse, record=record)
 
 
 def rms_of_blocks(residual, block, chosen):

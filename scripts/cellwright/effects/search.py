@@ -40,9 +40,9 @@ from cellwright.effects.floor import left_volt
 from cellwright.effects.library.outside import OUTSIDE
 from cellwright.effects.library.vocabulary import in_order
 from cellwright.effects.moves import MANY, best_model, other_forms, rivals
-from cellwright.effects.score import difference
 from cellwright.effects.space import candidates_beside, space_of
 from cellwright.effects.state import State, Yardstick, most_telling, squares_of, state_of
+from cellwright.numerics.compare import compare
 from cellwright.numerics.least_squares import STEPS, TWO_STDS, fit, level
 
 EXACT = 4  # models that are fitted exactly from one space
@@ -186,7 +186,7 @@ class Search(NamedTuple):
         unbent = _fit_model(self, one.before.effects, one.before.solution.values, rows=rows)
         ends = [self.yardstick.density(model.squares) for model in (self.model, unbent)]
         ends = [np.delete(density, telling) for density in ends]
-        return difference(*ends, np.delete(blocks.record, telling))
+        return compare(*ends, record=np.delete(blocks.record, telling))
 
 
 def joins(gain, gates):

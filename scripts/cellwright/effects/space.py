@@ -23,8 +23,8 @@ import numpy as np
 
 from cellwright.effects.columns import candidates, sizes_of
 from cellwright.effects.library.vocabulary import in_order
-from cellwright.effects.score import difference
 from cellwright.native import array, count, function, integers
+from cellwright.numerics.compare import compare
 from cellwright.numerics.least_squares import Problem, bounded_minimum, derivatives
 
 RIDGE = 1e-9  # of a column's own square, against rounding
@@ -153,7 +153,7 @@ class Space:
 
     def difference(self, better, worse):
         """How much better a model predicts than another: compare.Difference."""
-        return difference(self.density(better), self.density(worse), self.record)
+        return compare(self.density(better), self.density(worse), record=self.record)
 
     def keys(self, chosen):
         """Keys of the effects of a model, sorted: tuple."""

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.effects.score import densities, difference, left_out, mean_squares
+from cellwright.effects.score import densities, left_out, mean_squares
+from cellwright.numerics.compare import compare
 from cellwright.numerics.least_squares import inverse
 from cellwright.numerics.statistics import rms
 
@@ -143,7 +144,8 @@ class Yardstick(NamedTuple):
 
     def difference(self, better, worse):
         """How much better a model predicts than another, by their squares: compare.Difference."""
-        return difference(self.density(better), self.density(worse), self.blocks.record)
+        ends = self.density(better), self.density(worse)
+        return compare(*ends, record=self.blocks.record)
 
 
 def squares_of(state, blocks):

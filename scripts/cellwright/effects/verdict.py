@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from cellwright.effects.floor import excess_of_blocks, fallen_on_volt, fallen_volt
 from cellwright.effects.library.outside import OUTSIDE
-from cellwright.effects.score import difference
 from cellwright.effects.story.sizes import has_size
+from cellwright.numerics.compare import compare
 
 # ASSUME: Other cells are like those of two sets by other simulators (docs/missing-effect.md): 36 of
 # 37 names that stood alone were right (at least 0.88 with 95 %), and 6 of 10 beside another. The
@@ -219,7 +219,7 @@ def is_proven(found, one):
     ends = (found.yardstick.density(squares)[judges] for squares in one.squares)
     return (
         fallen_on_volt("validation", *states, found.floor) >= case.gates.material_volt
-        and difference(*ends, blocks.record[judges]).z >= case.gates.joins
+        and compare(*ends, record=blocks.record[judges]).z >= case.gates.joins
     )
 
 
