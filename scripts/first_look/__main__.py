@@ -25,7 +25,7 @@ def main(arguments=None) -> int:
     convert.add_argument("--to", help=f"a path that ends in {', '.join(interchange.MEDIA)}")
     explain = commands.add_parser("explain", help="say what a row of a table was made from")
     explain.add_argument("table", help="such as results/tables/capacity.csv")
-    explain.add_argument("row", nargs="+", help="number of the line, or COLUMN=VALUE ...")
+    explain.add_argument("row", nargs="*", help="of a table: number of the line, or COLUMN=VALUE")
     two = commands.add_parser("compare", help="say what differs between two runs, and why")
     two.add_argument("before", help="folder of a campaign that was run")
     two.add_argument("after", help="another, or a later state of the same")

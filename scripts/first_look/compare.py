@@ -21,6 +21,7 @@ KEYS = ("cell", "group", "test", "cycle", "direction", "ambient_temperature_cels
 KEYS += ("delay_second", "model", "filter", "scenario", "initial_soc_error", "branch", "circuit")
 STATED = ("cycle", "ambient_temperature_celsius", "soc")  # which a sheet may say otherwise
 SHOWN = 5  # settings that differ, by name
+OTHERS = "other cells or tests that it is compared with"
 BEYOND = 1.96  # standard deviations of a difference: what 1 in 20 exceeds by chance
 READ = (
     f"Red: differences beyond {BEYOND} of the standard deviations that both runs state; blank: "
@@ -60,6 +61,7 @@ def compare(before, after) -> list[Change]:
     changes, shared, reasons = [], 0, {}
     for name in TABLES:
         old, new = (_rows(folder, name) for folder in folders)
+        edits = _edits(folders, name)
         shared += len(set(old) & set(new))
         for key, *rows in _pairs(old, new):
             for quantity, values in _differing(*rows):
@@ -67,7 +69,8 @@ def compare(before, after) -> list[Change]:
                 if cell not in reasons:
                     reasons[cell] = why(*folders, cell)
                 row = " ".join(value for _, value in key)
-                changes.append(Change(name, row, quantity, *values, reasons[cell]))
+                reason = "; ".join(filter(None, (*edits, reasons[cell]))) or OTHERS
+                changes.append(Change(name, row, quantity, *values, reason))
     if not shared:
         raise Refusal(f"{before}, {after}: found no row of a table in common, wanted shared cells")
     return sorted(changes, key=lambda change: -_size(change.deviations))
@@ -93,7 +96,7 @@ def _pairs(old, new):
 
 
 def why(before, after, cell) -> str:
-    """Which raw files, settings and code of a cell's results differ, in words."""
+    """Which raw files, settings and code of a cell's results differ, in words; "" where none do."""
     old, new = (_origins(folder, cell) for folder in (before, after))
     differ = [key for key in dict.fromkeys([*old, *new]) if old.get(key) != new.get(key)]
     found = []
@@ -101,7 +104,20 @@ def why(before, after, cell) -> str:
         names = sorted({name for kind, name, *_ in differ if kind == what})
         more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
         found += [f"{what} {', '.join(names[:SHOWN] + more)}"] * bool(names)
-    return "; ".join(found) or "other cells or tests that it is compared with"
+    return "; ".join(found)
+
+
+def _edits(folders, name) -> list[str]:
+    """That a table is not as its run wrote it, in words, for each run of which it is so."""
+    path, found = _path_of(name), []
+    for folder in folders:
+        with chdir(folder):
+            found += [f"{path} of {folder} {lineage.EDITED}"] * lineage.is_edited(path)
+    return found
+
+
+def _path_of(name) -> Path:
+    return Path("results", *([] if name == "summary" else ["tables"]), f"{name}.csv")
 
 
 def _origins(folder, cell) -> dict[tuple, object]:
@@ -135,7 +151,7 @@ def _leaves(params, path=()):
 
 
 def _rows(folder, name) -> dict[tuple, dict]:
-    path = Path(folder, "results", *([] if name == "summary" else ["tables"]), f"{name}.csv")
+    path = Path(folder, _path_of(name))
     if not path.is_file():
         return {}
     rows, seen = {}, {}

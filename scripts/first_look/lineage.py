@@ -14,8 +14,10 @@ def explain(table, row) -> list[str]:
 
     Parameters
     ----------
-    table : path of a CSV table of the results, such as results/tables/capacity.csv
-    row : number of a line as a spreadsheet counts them (the header is 1), or `column=value` pairs
+    table : path of a CSV table of the results, such as results/tables/capacity.csv, or of another
+        artefact, such as results/models/C1.json
+    row : of a table, number of a line as a spreadsheet counts them (the header is 1), or
+        `column=value` pairs; else nothing
 
     Raises
     ------
@@ -25,15 +27,20 @@ def explain(table, row) -> list[str]:
     folder = next((up.parent for up in path.absolute().parents if up.name == "results"), None)
     if folder is None or not path.is_file():
         raise Refusal(f"{table}: found no such file, wanted a table below results/")
-    line, values = _row_of(path, row)
     name = path.absolute().relative_to(folder).as_posix()
-    said = [f"{name}, line {line}"]
-    said += [f"  {column}: {value}" for column, value in values.items() if value]
+    if path.suffix != ".csv":
+        if row:
+            raise Refusal(f"{table}: found the row {' '.join(row)}, wanted none: it is no table")
+        values, said = {}, [name]
+    else:
+        line, values = _row_of(path, row)
+        said = [f"{name}, line {line}"]
+        said += [f"  {column}: {value}" for column, value in values.items() if value]
     with chdir(folder):
         links = lineage.links_to(name, lambda source: _is_about(source, values))
         if links[0].about is None:
-            raise Refusal(f"{table}: found no {name}.provenance.json beside it")
-        shown = [_in_words(link) for link in links if not link.repeated]
+            raise Refusal(f"{table}: found nothing in or beside it of what it was made from")
+        shown = [_in_words(link, values) for link in links if not link.repeated]
     more = len(links) - len(shown)
     again = [f"{more} further uses of files named above are not repeated"] if more else []
     return [*said, "made from", *shown, *again]
@@ -46,6 +53,8 @@ def _row_of(path, wanted) -> tuple[int, dict]:
         if line not in rows:
             raise Refusal(f"{path}: found no line {line}, wanted one of 2 to {len(rows) + 1}")
         return line, rows[line]
+    if not wanted:
+        raise Refusal(f"{path}: found no row, wanted the number of a line, such as 2")
     pairs = [pair.split("=", 1) for pair in wanted]
     columns = list(next(iter(rows.values()), {}))
     if bad := [pair[0] for pair in pairs if len(pair) != 2 or pair[0] not in columns]:
@@ -69,7 +78,14 @@ def _is_about(source, row) -> bool:
     return not of[1] and (of[0] is None or of[0] in names or source.endswith(".csv"))
 
 
-def _in_words(link) -> str:
+def _speaks_of(owner, row) -> bool:
+    """Whether a doubt of an owner, "cell test", is one of a row."""
+    cell, _, test = owner.partition(" ")
+    of = row.get("cell") or row.get("group")
+    return not of or (cell == of and (not test or row.get("test") in (None, "", test)))
+
+
+def _in_words(link, row) -> str:
     about, indent = link.about, "  " * (link.depth + 1)
     what = [link.path]
     if link.sha256:
@@ -79,5 +95,8 @@ def _in_words(link) -> str:
         what.append("" if link.path.startswith("results/") else "raw file or sheet")
     else:
         what.append(f"by rule {about['rule']}, code {about['code']}")
-        what += [f"doubt: {doubt}" for doubt in about.get("doubts", {}).values()]
+        # A table has those of all its rows.
+        whole = Path(link.path).suffix != ".csv"
+        doubts = about.get("doubts", {}).items()
+        what += [f"doubt: {said}" for of, said in doubts if whole or _speaks_of(of, row)]
     return indent + ", ".join(filter(None, what))

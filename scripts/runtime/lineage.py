@@ -65,12 +65,26 @@ def links_to(path, wanted=lambda path: True) -> list[Link]:
     return links
 
 
+MANIFEST = Path("results", "stages", "manifest.tsv")
+EDITED = "EDITED: not as the manifest of the run says (by hand, or made anew without it)"
+
+
+def is_edited(path) -> bool:
+    """Whether the manifest of the campaign, the working folder, has other bytes of a file."""
+    if not MANIFEST.is_file() or not Path(path).is_file():
+        return False
+    lines = MANIFEST.read_text(encoding="utf-8").splitlines()
+    digests = {file: digest for digest, file in (line.split("\t") for line in lines)}
+    known = digests.get(Path(path).as_posix())
+    return known is not None and provenance.sha256_of.__wrapped__(path) != known
+
+
 def state_of(link: Link) -> str:
-    """Whether a file still has the bytes that the next step read."""
+    """Whether a file still has the bytes that the next step read; the last one those of the run."""
     if not Path(link.path).is_file():
         return "missing"
     if link.sha256 is None:
-        return ""
+        return EDITED if is_edited(link.path) else ""
     # Read anew: a checksum that was kept is that of a file before it was edited.
     same = provenance.sha256_of.__wrapped__(link.path) == link.sha256
     return "unchanged" if same else "CHANGED since it was read"

@@ -42,7 +42,8 @@ class Jobs:
         self.now = now
         self.mean_second, self.waiting, self.running = {}, Counter(), {}
         self.jobs_of_cell, self.cells = Counter(), 0
-        self.done, self.total, self.second_done = 0, 0, 0.0
+        self.done, self.total = 0, 0
+        self.took, self.ended = Counter(), Counter()  # seconds and number of jobs done, by rule
         self.started = now()
 
     def plan(self, jobs, costs):
@@ -56,35 +57,54 @@ class Jobs:
         jobs = list(jobs)
         self.mean_second = {rule: cost.mean_cpu_second for rule, cost in costs.items()}
         self.waiting = Counter(job.rule.name for job in jobs)
-        self.jobs_of_cell = Counter(filter(None, (owner_of(job.wildcards_dict) for job in jobs)))
+        self.jobs_of_cell = Counter(filter(None, (cell_of(job.wildcards_dict) for job in jobs)))
         self.total, self.cells = len(jobs), len(self.jobs_of_cell)
         self.started = self.now()
 
-    def start(self, job, rule, cell):
+    def start(self, job, rule, wildcards):
         """A job starts; one that is tried again does not count twice."""
         if job not in self.running:
             self.waiting[rule] -= 1
-        self.running[job] = (rule, cell, self.now())
+        self.running[job] = (rule, wildcards, self.now())
 
     def finish(self, job):
         """A job is done."""
-        rule, cell, _ = self.running.pop(job, (None, None, None))
         self.done += 1
-        self.second_done += self.cost(rule)
-        self.jobs_of_cell[cell] -= 1
+        if job in self.running:
+            rule, wildcards, since = self.running.pop(job)
+            self.took[rule] += self.now() - since
+            self.ended[rule] += 1
+            self.jobs_of_cell[cell_of(wildcards)] -= 1
 
     def cost(self, rule) -> float:
-        """Seconds of a job of a rule; a tenth of a second where nobody measured it."""
+        """Seconds of a job of a rule as measured; a tenth of a second where nobody did."""
         return self.mean_second.get(rule, 0.1)
 
     def second_left(self) -> float | None:
-        """Time left at the pace so far; None before a fiftieth of the work is done."""
-        ahead = sum(count * self.cost(rule) for rule, count in self.waiting.items() if count > 0)
-        for rule, _, since in self.running.values():
-            ahead += max(self.cost(rule) - (self.now() - since), 0.1)
-        if self.second_done < 0.02 * (self.second_done + ahead):
+        """Time left; None before a fiftieth of the work is done.
+
+        A job takes what those of its rule took in this run, else what was measured times what
+        others take of that here. As many run at once as did so far, and the longest ends last.
+        """
+        now = self.now()
+        spent = [(rule, now - since) for rule, _, since in self.running.values()]
+        late = [(rule, second) for rule, second in spent if second > self.cost(rule)]
+        took = sum(self.took.values()) + sum(second for _, second in late)
+        cost = sum(self.cost(rule) * count for rule, count in self.ended.items())
+        cost += sum(self.cost(rule) for rule, _ in late)
+        times = took / cost if cost else 1.0
+
+        def expected(rule):
+            count = self.ended[rule]
+            return self.took[rule] / count if count else self.cost(rule) * times
+
+        rest = [max(expected(rule) - second, 0.1) for rule, second in spent]
+        waiting = sum(n * expected(rule) for rule, n in self.waiting.items() if n > 0)
+        busy = sum(self.took.values()) + sum(second for _, second in spent)
+        if not self.done or not busy or busy < 0.02 * (busy + waiting + sum(rest)):
             return None
-        return (self.now() - self.started) * ahead / self.second_done
+        at_once = busy / max(now - self.started, 1e-9)
+        return max(*rest, 0.0, (waiting + sum(rest)) / at_once)
 
     def line(self) -> str:
         """The state of the run in one line."""
@@ -95,8 +115,9 @@ class Jobs:
         left = self.second_left()
         words.append("time left not known yet" if left is None else f"about {in_words(left)} left")
         if self.running:
-            rule, cell, since = min(self.running.values(), key=lambda job: job[2])
-            of = f" of {cell}" if cell else ""
+            rule, wildcards, since = min(self.running.values(), key=lambda job: job[2])
+            owner = cell_of(wildcards) or wildcards.get("owner")
+            of = f" of {owner}" if owner else ""
             words.append(f"longest running: {rule}{of}, {in_words(self.now() - since)}")
         return " · ".join(words)
 
@@ -109,9 +130,9 @@ def in_words(second: float) -> str:
     return f"{minute} min" if minute < 60 else f"{minute // 60} h {minute % 60} min"
 
 
-def owner_of(wildcards) -> str | None:
-    """The cell or group that a job is about."""
-    return next((wildcards[key] for key in ("cell", "group", "owner") if key in wildcards), None)
+def cell_of(wildcards) -> str | None:
+    """The cell or group that a job analyses; none of a job that draws what it is about, last."""
+    return next((wildcards[key] for key in ("cell", "group") if key in wildcards), None)
 
 
 # What a run has to do is known to the workflow, which tells it here before the first job starts.
@@ -160,7 +181,7 @@ class LogHandler(LogHandlerBase):
 
     def _count(self, event, record):
         if event == LogEvent.JOB_INFO:
-            JOBS.start(record.jobid, record.rule_name, owner_of(record.wildcards or {}))
+            JOBS.start(record.jobid, record.rule_name, record.wildcards or {})
         elif event == LogEvent.JOB_FINISHED:
             JOBS.finish(record.job_id)
         elif event == LogEvent.PROGRESS:

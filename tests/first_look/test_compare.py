@@ -1,11 +1,15 @@
 """Two runs compared: what differs, beside the intervals, and why."""
 
 import json
+from contextlib import chdir
+from pathlib import Path
 
 import pytest
 
 from cellwright.refusal import Refusal
 from first_look import compare
+from first_look import lineage as explain
+from runtime import tables
 
 
 def run(folder, soh, std="0.01", code="aa", digest="11", celsius=None):
@@ -63,3 +67,47 @@ def test_a_row_of_the_sheet_that_says_otherwise_is_named_and_its_numbers_stay_be
 def test_what_was_not_run_is_refused(tmp_path):
     with pytest.raises(Refusal, match=r"found no results/summary.csv"):
         compare.compare(run(tmp_path / "a", 0.95), tmp_path / "b")
+
+
+def with_manifest(folder):
+    """A campaign whose manifest has its files as they are now."""
+    with chdir(folder):
+        files = [path for path in Path("results").rglob("*") if path.is_file()]
+        Path("results/stages/manifest.tsv").write_text(tables.manifest(map(str, files)))
+    return folder
+
+
+def test_an_edited_table_is_told_as_edited(tmp_path):
+    before, after = (with_manifest(run(tmp_path / name, 0.95)) for name in "ab")
+    table = after / "results/summary.csv"
+    assert not any("EDITED" in line for line in explain.explain(table, ["2"]))
+    table.write_text(table.read_text().replace("0.95", "0.85"))
+    (change,) = compare.compare(before, after)
+    assert change.why.startswith(f"results/summary.csv of {after} EDITED: not as the manifest")
+    assert "other cells" not in change.why
+    assert any("results/summary.csv, EDITED" in line for line in explain.explain(table, ["2"]))
+
+
+def test_an_artefact_that_is_no_table_is_explained_without_a_row(tmp_path):
+    basis = run(tmp_path, 0.95) / "results/stages/basis/A.json"
+    said = explain.explain(basis, [])
+    assert said[:2] == ["results/stages/basis/A.json", "made from"]
+    assert "by rule basis, code aa" in said[2]
+    assert "raw/a.csv, sha256 11, missing" in said[3]
+    with pytest.raises(Refusal, match="found the row 2, wanted none: it is no table"):
+        explain.explain(basis, ["2"])
+    with pytest.raises(Refusal, match="found no row, wanted the number of a line"):
+        explain.explain(tmp_path / "results/summary.csv", [])
+
+
+def test_a_row_shows_its_own_doubts_and_not_those_of_its_table(tmp_path):
+    folder = run(tmp_path, 0.95)
+    (folder / "results/tables").mkdir()
+    table = folder / "results/tables/capacity.csv"
+    table.write_text("cell,test\nA,slow\nA,fast\nB,slow\n")
+    about = {"rule": "tables", "code": "t", "inputs": {}}
+    about["doubts"] = {"A slow": "drifts", "A ": "worn", "B slow": "short"}
+    (folder / "results/tables/capacity.csv.provenance.json").write_text(json.dumps(about))
+    shown = {row: " ".join(explain.explain(table, [row])) for row in "234"}
+    of = {row: [w for w in ("drifts", "worn", "short") if w in s] for row, s in shown.items()}
+    assert of == {"2": ["drifts", "worn"], "3": ["worn"], "4": ["short"]}

@@ -32,17 +32,59 @@ def test_time_left_is_the_cost_ahead_at_the_pace_so_far():
     times = {"now": 100.0}
     jobs = jobs_at(times)
     assert jobs.second_left() is None
-    jobs.start(1, "short", "A")
+    jobs.start(1, "short", {"cell": "A"})
     times["now"] = 102.0
     jobs.finish(1)
     assert jobs.second_left() == pytest.approx(36.0)
+
+
+def test_a_job_that_takes_longer_than_it_was_measured_does_not_double_what_is_left():
+    """9 s were measured of a job that runs for 90: the time left goes down by what has passed."""
+    times = {"now": 0.0}
+    jobs = jobs_at(times)
+    jobs.start(1, "short", {"cell": "A"})
+    times["now"] = 1.0
+    jobs.finish(1)
+    jobs.start(2, "long", {"cell": "A"})
+    left = []
+    for now in (5.0, 10.0, 40.0, 91.0):
+        times["now"] = now
+        left.append(jobs.second_left())
+    assert left[0] == pytest.approx(14.0)
+    jobs.finish(2)
+    assert jobs.second_left() == pytest.approx(90.0), "the other one takes what this one took"
+    jobs.start(3, "long", {"cell": "B"})
+    for passed in (30.0, 60.0):
+        times["now"] = 91.0 + passed
+        assert jobs.second_left() == pytest.approx(90.0 - passed)
+
+
+def test_the_longest_running_job_ends_last():
+    """Two cores were busy; the last job has one for itself."""
+    times = {"now": 0.0}
+    jobs = jobs_at(times)
+    for number, (rule, cell) in enumerate([("long", "A"), ("long", "B")]):
+        jobs.start(number, rule, {"cell": cell})
+    times["now"] = 9.0
+    jobs.finish(0)
+    jobs.finish(1)
+    jobs.start(2, "short", {"cell": "A"})
+    assert jobs.second_left() == pytest.approx(1.0)
+
+
+def test_a_cell_has_ended_though_its_figures_are_not_drawn():
+    jobs = progress.Jobs(now=lambda: 0.0)
+    jobs.plan([job("long", cell="A"), job("short", owner="A")], COSTS)
+    jobs.start(1, "long", {"cell": "A"})
+    jobs.finish(1)
+    assert "1 of 1 cells" in jobs.line()
 
 
 def test_a_cell_is_finished_with_its_last_job():
     times = {"now": 0.0}
     jobs = jobs_at(times)
     for number, (rule, cell) in enumerate([("short", "A"), ("long", "A"), ("long", "B")]):
-        jobs.start(number, rule, cell)
+        jobs.start(number, rule, {"cell": cell})
     times["now"] = 125.0
     assert "0 of 2 cells" in jobs.line()
     assert "longest running: short of A, 2 min" in jobs.line()
@@ -53,8 +95,8 @@ def test_a_cell_is_finished_with_its_last_job():
 
 def test_a_job_that_is_tried_again_counts_once():
     jobs = jobs_at({"now": 0.0})
-    jobs.start(1, "short", "A")
-    jobs.start(1, "short", "A")
+    jobs.start(1, "short", {"cell": "A"})
+    jobs.start(1, "short", {"cell": "A"})
     assert jobs.waiting["short"] == 0
 
 
