@@ -199,6 +199,9 @@ def _draw_series(canvas, artist):
     label = str(artist.get_label())
     canvas.writer.start("g", attrib={"data-s": "" if label.startswith("_") else label})
     artist.draw(canvas)
+    if artist.get_rasterized():
+        # Matplotlib ends a picture only before the next artist that is none.
+        Line2D([], [], visible=False).draw(canvas)
     canvas.writer.end("g")
 
 
