@@ -14,6 +14,7 @@ MODULE_OF = {
 }
 
 __all__ = list(MODULE_OF)
+SHOWN = set()  # steps whose docstring has what all of them share by now
 
 
 def __getattr__(name: str):
@@ -24,7 +25,14 @@ def __getattr__(name: str):
         return import_module(f"cellwright.{name}")
     if name not in MODULE_OF:
         raise AttributeError(f"cellwright has no {name!r}; it has {', '.join(MODULE_OF)}")
-    return getattr(import_module(MODULE_OF[name]), name)
+    found = getattr(import_module(MODULE_OF[name]), name)
+    if name not in SHOWN and callable(found) and not isinstance(found, type):
+        from cellwright import api, settings
+        from cellwright.api.stand_alone import completed
+
+        SHOWN.add(name)
+        found.__doc__ = completed(found, api.__doc__, settings)
+    return found
 
 
 def _version() -> str:

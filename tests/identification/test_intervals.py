@@ -137,7 +137,7 @@ def test_scores_state_deviation_and_how_many_samples_lie_within():
 
 def test_samples_are_told_by_what_they_lie_beyond():
     model = with_intervals(*fitted(blocks=20))
-    (limits,) = model["fitted"]
+    (limits,) = model["fitted_to"]
     one = record(13, start=0.7, blocks=30)[0]
     masks = beyond(model, one, simulated(model, "2RC", one))
     low = max(limits["soc"][0], truth.KNOTS[0])
@@ -158,7 +158,7 @@ def test_what_lies_below_the_lowest_fitted_soc_is_said_where_it_moves_the_error(
     one = record(13, start=0.7, blocks=30)[0]
     (row,) = validate(model, one).rows
     assert below_in_words(row) == ""  # it errs there as anywhere
-    low = max(model["fitted"][0]["soc"][0], truth.KNOTS[0])
+    low = max(model["fitted_to"][0]["soc"][0], truth.KNOTS[0])
     bad = one._replace(voltage_volt=one.voltage_volt - np.where(one.soc < low, 0.2, 0.0))
     found = validate(model, bad)
     (row,) = found.rows

@@ -40,6 +40,11 @@ def read(
     impedance_imaginary_ohm [ohm], and doubt, what its file says against it. Raises Refusal: no such
     file, a pipe or device, no reader for it, a broken or too long file, a sign that cannot be
     known, or channels of more branches or cells than a group has.
+
+    >>> import cellwright as cw
+    >>> own = {"Time [s]": [0, 1, 2], "Current [mA]": [0, 100, 0], "Voltage [V]": [3.7, 3.71, 3.7]}
+    >>> cw.read(own, current_sign="charge_positive").columns["current_ampere"]
+    array([0. , 0.1, 0. ])
     """
     from cellwright import formats
     from cellwright.records.channels import refuse_beyond
@@ -111,6 +116,12 @@ def clean(series, settings=None, *, cell=None, test=None, **changes):
     flags of `series.doubts.Doubt`; actions: one a flag. Raises Refusal: fewer than
     two samples are left, or the charge is off the rating by the factor of a unit.
     Source: thesis ch. 5.2 and table 5.1; docs/cleaning.md.
+
+    >>> import cellwright as cw
+    >>> record = {"test_time_second": [0.0, 36.0, 72.0], "current_ampere": [1.0, 1.0, 1.0]}
+    >>> found = cw.clean(record | {"voltage_volt": [3.70, 3.71, 3.72]})
+    >>> found.columns["charge_ampere_hour"]
+    array([0.  , 0.01, 0.02])
     """
     from cellwright.series.cleaning import clean as cleaned
 
@@ -139,6 +150,15 @@ def segment(series, cell=None, settings=None, **changes):
     Returns rows, `series.steps.Steps`, (k,): rows, times [s], mean current [A], voltages [V],
     charge [Ah] and rate [1/h] of each step. Raises Refusal: a record without two samples.
     Source: docs/cleaning.md.
+
+    >>> import cellwright as cw, numpy as np
+    >>> time = np.arange(0.0, 7300.0, 10.0)  # rest, 2 A for an hour, rest
+    >>> current = np.where((time >= 600) & (time < 4200), -2.0, 0.0)
+    >>> voltage = np.interp(time, [600, 4200], [4.2, 3.0])
+    >>> record = {"test_time_second": time, "current_ampere": current, "voltage_volt": voltage}
+    >>> cell = cw.CellFacts("A", 2.0, lower_cutoff_volt=3.0, upper_cutoff_volt=4.2)
+    >>> cw.segment(cw.clean(record), cell).rows.kind.tolist()
+    ['rest', 'CC', 'rest']
     """
     from cellwright.series.steps import segment as segmented
 

@@ -24,6 +24,13 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]; notes where the model is left: SoC
     outside 0 to 1 or what was measured, temperatures beyond it, no voltage left. Raises
     Refusal: the model has no such member, or the SoC at the start is not within 0 to 1.
+
+    >>> import cellwright as cw
+    >>> table = {"soc": [0.0, 1.0], "ocv_volt": [3.0, 4.2], "resistance_ohm": [0.02, 0.02]}
+    >>> model = cw.model_of_table("A", table, capacity_ampere_hour=2.0)
+    >>> load = {"test_time_second": [0.0, 1800.0], "current_ampere": [-2.0, -2.0]}
+    >>> cw.simulate(model, load, initial_soc=1.0).columns["voltage_volt"].round(2)
+    array([4.16, 3.56])
     """
 
     model = given.model(model)

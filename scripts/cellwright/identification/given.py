@@ -34,6 +34,11 @@ def model_of_table(
     Returns as `identify`, kind "given", of one member "0RC". Raises Refusal: no capacity, values
     that are not finite, a SoC in percent or that does not go from empty to full, an OCV that falls,
     a resistance below zero. Source: docs/packs.md.
+
+    >>> import cellwright as cw
+    >>> table = {"soc": [0.0, 1.0], "ocv_volt": [3.0, 4.2], "resistance_ohm": [0.02, 0.02]}
+    >>> cw.model_of_table("A", table, capacity_ampere_hour=2.0).content["chosen"]
+    '0RC'
     """
     given = inputs.quantities(table, ("soc", "ocv_volt", "resistance_ohm"))
     columns = [np.asarray(values, float) for values in given]

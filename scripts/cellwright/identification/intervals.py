@@ -74,7 +74,7 @@ def with_intervals(model, conditions):
 
     Returns
     -------
-    model : the same with `fitted`, the limits of each condition's records, `intervals`, one a model
+    model : the same with `fitted_to`, the limits of each condition's records, `intervals`, one a model
         that is used (what predicts best, and the chosen member), and a note on one that has none.
     """
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
@@ -89,7 +89,7 @@ def with_intervals(model, conditions):
         except Refusal as refusal:
             notes.append(say("intervals.none", name=name, refusal=refusal))
     return model | {
-        "fitted": fitted,
+        "fitted_to": fitted,
         "intervals": intervals,
         "notes": [*model.get("notes", ()), *notes],
     }
@@ -314,7 +314,7 @@ def fitted_at(model, celsius):
     ----------
     model : dict of schema cellwright-model/2. celsius : (n,) [°C].
     """
-    entries = model.get("fitted")
+    entries = model.get("fitted_to")
     if not entries:
         return None
     measured = np.array([entry["ambient_temperature_celsius"] for entry in entries], float)
