@@ -78,15 +78,10 @@ def capacity(
     Returns rows: columns (k,) of stage `capacity`, one entry a direction, rate and temperature:
     means over the repeats of charge [Ah], energy [Wh], rate [1/h], efficiency [1], and their
     standard deviations; constant_current_ampere_hour is the part before the voltage was held; doubt
-<<<<<<< HEAD
     says in words what speaks against the number, "" where nothing does, doubt_codes in codes. Half
     cycles that are incomplete, of unsure start or at a constant power or resistance are in the
     notes. Raises Refusal: no complete charge or discharge; the reasons are named.
     Source: docs/capacity.md.
-=======
-    says in words what speaks against the number, "" where nothing does. Half cycles that are
-    incomplete, of unsure start or at a constant power or resistance are in the notes. Raises
-    Refusal: no complete charge or discharge; the reasons are named. Source: docs/capacity.md.
 
     >>> import cellwright as cw, numpy as np
     >>> time = np.arange(0.0, 7300.0, 10.0)  # rest, 2 A for an hour, rest
@@ -98,7 +93,6 @@ def capacity(
     >>> (row,) = cw.capacity(series, cw.segment(series, cell), cell).to_frame().to_dict("records")
     >>> row["direction"], round(row["capacity_ampere_hour"], 2)
     ('discharge', 2.0)
->>>>>>> 1f0646dee93ef316e9a0cc20aee3fdb616698259
     """
     series, steps = inputs.columns(series, *inputs.COUNTED), inputs.steps(steps)
     columns, time = columns_of(series), np.asarray(series["test_time_second"], float)
