@@ -74,8 +74,9 @@ def with_intervals(model, conditions):
 
     Returns
     -------
-    model : the same with `fitted_to`, the limits of each condition's records,
-        `intervals`, one a model that is used (what predicts best, and the chosen member), and a note on one that has none.
+    model : the same with `fitted_to`, the limits of each condition's records, `intervals`, one a
+        model that is used (what predicts best, and the chosen member), and a note on one that has
+        none.
     """
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
     fitted = [
