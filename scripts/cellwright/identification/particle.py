@@ -335,3 +335,16 @@ def _relative_error(rows, volt):
 def _held_in(error):
     """Square of small errors, growing ever slower beyond `FAR` (Cauchy's loss)."""
     return FAR**2 * np.log1p((error / FAR) ** 2)
+
+
+def root_of_covariance(task, fit):
+    """Lower triangular root (p, p) of the covariance of a fitted particle's vector.
+
+    It takes the structure for right: what the records and the priors leave open.
+
+    Parameters
+    ----------
+    task : Task. fit : Fitted.
+    """
+    _, precision, _ = _curved(task, fit.particle.vector, None)
+    return np.linalg.cholesky(np.linalg.inv(precision))
