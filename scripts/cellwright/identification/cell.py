@@ -158,6 +158,7 @@ def _particle(identified, capacity):
         task = particle.task_of(conditions, curves, capacity_ampere_hour=capacity)
         fit = particle.fitted(task)
         scores = particle.left_out(task, fit, conditions)
+        root = particle.root_of_covariance(task, fit)
     except Refusal as refusal:
         return None, say("particle.not_fitted", refusal=refusal)
     soc = np.concatenate([rows.record.soc[rows.record.used] for rows in task.rows])
@@ -165,6 +166,7 @@ def _particle(identified, capacity):
         "left_out": [[score.square_volt2.tolist(), score.rows.tolist()] for score in scores],
         "fitted_soc": [float(soc.min()), float(soc.max())],
         "basins": [list(basin) for basin in fit.basins],
+        "posterior": [row[: number + 1].tolist() for number, row in enumerate(root)],
     }
     document = to_document(fit.particle, fit.std)
     (energy,), (std,) = (document[f"diffusion_joule_per_mole{end}"] for end in ("", "_std"))

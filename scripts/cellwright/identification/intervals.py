@@ -4,7 +4,8 @@ What a model misses shows in blocks left out of its fit. It grows with what they
 acts at once and what lasts of the overvoltage, the slope of the OCV, and how far the other kind of
 model, circuit or particle, which was fitted to the same records, says something else. The shares
 are those under which the half width holds nine of ten rows that were left out. What those rows
-cannot show is added as it is stated: SoC at the start and counted, and the core of the cell.
+cannot show is added as it is stated: SoC at the start and counted, the core of the cell, and what a
+particle's fit leaves open of its parameters.
 """
 
 from typing import NamedTuple
@@ -13,8 +14,9 @@ import numpy as np
 from scipy.optimize import linprog
 
 from cellwright.circuits.model_file import in_use, simulate_model
-from cellwright.circuits.particle import LAGS
+from cellwright.circuits.particle import LAGS, of_document
 from cellwright.circuits.particle import NAME as PARTICLE
+from cellwright.circuits.particle import run as run_particle
 from cellwright.circuits.temperature import continued_ocv_at, temperature_weights
 from cellwright.identification.messages import say
 from cellwright.numerics.lags import lag
@@ -22,13 +24,14 @@ from cellwright.numerics.statistics import NORMAL_90
 from cellwright.records.conditions import SAME_RATE
 from cellwright.records.counting import counted_std_share
 from cellwright.records.record import STATED
+from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
 
 HELD = 0.9  # of the rows
 # By what the half width grows, each a voltage: its factors are the names of the model file.
 TERMS = ("reading_volt", "at_once_share", "lasting_share", "soc_error", "rival_share")
 HOLE = 1 / 3  # of the variance that a block gains when it is left out
-MOST_ROWS = 4000  # that a half width is learnt from
+MOST_ROWS = 4000  # that a half width is learnt from, and of a record that shows a posterior
 SMALLEST_VOLT = 1e-9  # of a misfit of which another is a multiple
 SIDE_SOC = 0.01  # to both sides, over which the slope of the OCV is taken
 # ASSUME: The mean of a cell is warmer than its surface by up to P/(8 π k L), a cylinder that
@@ -278,8 +281,35 @@ def half_width_volt(model, name, record, runs):
     share = counted_std_share(record, capacity_ampere_hour=capacity)
     passed = np.abs(record.soc - record.soc[0])
     counted = share * passed if np.isfinite(share) else 0.0
-    of_soc = slope * np.hypot(entry["start_soc_std"], counted)
-    return np.hypot(learnt, NORMAL_90 * np.hypot(of_soc, _of_core(model, name, record, run)))
+    stated = (
+        slope * np.hypot(entry["start_soc_std"], counted),
+        _of_core(model, name, record, run),
+        _of_posterior(model, record) if name == PARTICLE else 0.0,
+    )
+    return np.sqrt(learnt**2 + NORMAL_90**2 * sum(std_volt**2 for std_volt in stated))
+
+
+def _of_posterior(model, record):
+    """Deviation of a particle's voltage by what its fit leaves open of its parameters (n,) [V].
+
+    Blocks left out are of loads that were fitted: what only other loads would tell they do not
+    show. Raises Refusal: a posterior of another particle.
+    """
+    particle = of_document(model["particle"])
+    rows = model["particle"].get("posterior")
+    if rows is None:
+        return 0.0
+    if [len(row) for row in rows] != list(range(1, len(particle.vector) + 1)):
+        found = f"the particle's posterior has {len(rows)} rows"
+        raise Refusal(f"{found}; wanted {len(particle.vector)}, each one longer than the last")
+    root = np.zeros((len(rows), len(rows)))
+    root[np.tril_indices(len(rows))] = np.concatenate(rows)
+    (few,) = averaged_to([record], most_rows=MOST_ROWS)
+    columns = few.test_time_second, few.current_ampere, few.soc, few.celsius
+    size = {"capacity_ampere_hour": model["capacity_ampere_hour"]}
+    by = run_particle(particle, *columns, **size, derivatives=True).by
+    std_volt = np.linalg.norm(by @ root, axis=1)
+    return np.interp(record.test_time_second, few.test_time_second, std_volt)
 
 
 def _of_core(model, name, record, run):

@@ -357,3 +357,16 @@ def information(task, particle):
     nothing = np.zeros((len(particle.vector), len(particle.vector)))
     bare = task._replace(start=particle, mean=particle.vector, precision=nothing)
     return _curved(bare, particle.vector, None)[1]
+
+
+def root_of_covariance(task, fit):
+    """Lower triangular root (p, p) of the covariance of a fitted particle's vector.
+
+    It takes the structure for right: what the records and the priors leave open.
+
+    Parameters
+    ----------
+    task : Task. fit : Fitted.
+    """
+    precision = task.precision + information(task, fit.particle)
+    return np.linalg.cholesky(np.linalg.inv(precision))
