@@ -5,7 +5,7 @@ import argparse
 import sys
 
 from cellwright.refusal import Refusal
-from first_look import check, compare, interchange, lineage, one_file, planned, sheets, words
+from first_look import check, compare, interchange, lineage, next_tests, one_file, sheets, words
 
 
 def main(arguments=None) -> int:
@@ -30,7 +30,7 @@ def main(arguments=None) -> int:
     two.add_argument("before", help="folder of a campaign that was run")
     two.add_argument("after", help="another, or a later state of the same")
     two.add_argument("--to", default=".", help="folder for comparison.csv and comparison.html")
-    planned.add_arguments(
+    next_tests.add_arguments(
         commands.add_parser("plan", help="say which tests would lower a model's error most")
     )
     options = parser.parse_args(arguments)
@@ -71,7 +71,7 @@ def _lines(options):
     elif options.command == "explain":
         yield from lineage.explain(options.table, options.row)
     elif options.command == "plan":
-        yield from planned.lines_of(options)
+        yield from next_tests.lines_of(options)
     else:
         changes = compare.compare(options.before, options.after)
         yield from compare.in_words(changes)

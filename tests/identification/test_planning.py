@@ -14,9 +14,9 @@ from cellwright.identification.planning import (
     READY_HOUR,
     Use,
     candidates_of,
-    known_from_model,
-    known_from_rating,
-    known_from_tests,
+    knowledge_from_model,
+    knowledge_from_rating,
+    knowledge_from_tests,
     plan,
 )
 from cellwright.numerics.statistics import rms
@@ -40,8 +40,8 @@ def task_with(records):
 
 def candidate(words, celsius):
     """The test of that name at a temperature."""
-    known = known_from_rating(CAPACITY, CUTOFFS)
-    every = candidates_of(known, [celsius], USE.c_rates)
+    known = knowledge_from_rating(CAPACITY, CUTOFFS)
+    every = candidates_of(known, [celsius], USE)
     return next(one for one in every if one.words == words)
 
 
@@ -64,7 +64,7 @@ def pulses(cell, celsius):
 def known_after_pulses(*celsius):
     truth = a_particle(celsius)
     task = task_with([pulses(truth, at) for at in celsius])
-    return known_from_tests(task, truth, CUTOFFS)
+    return knowledge_from_tests(task, truth, CUTOFFS)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_the_expected_error_is_what_fits_to_simulated_tests_show(warm):
     two = a_particle((0.0, 25.0))
     cold, at_25 = measured(two, one), pulses(two, 25.0)
     task = task_with([cold, at_25])
-    open_still = known_from_tests(task._replace(rows=task.rows[1:]), two, CUTOFFS).precision
+    open_still = knowledge_from_tests(task._replace(rows=task.rows[1:]), two, CUTOFFS).precision
     root = np.linalg.cholesky(open_still)
     before, after = [], []
     for seed in range(8):
@@ -125,7 +125,7 @@ def test_the_expected_error_is_what_fits_to_simulated_tests_show(warm):
 def test_first_comes_one_discharge_in_the_cold_to_the_cutoff(celsius):
     """What a modeller asks for whose pulses are all warm."""
     known, use = known_after_pulses(*celsius), Use((-10.0, 10.0, 25.0), (0.5, 1.5), (0.05, 1.0))
-    steps, ranked = plan(known, candidates_of(known, use.celsius, use.c_rates), use, hours=12)
+    steps, ranked = plan(known, candidates_of(known, use.celsius, use), use, hours=12)
     assert steps[0].kind == "capacity"
     assert steps[0].ambient_temperature_celsius == -10.0
     assert steps[0].test in {"discharge at C/5", "discharge at C/2", "discharge at 1C"}
@@ -136,14 +136,14 @@ def test_first_comes_one_discharge_in_the_cold_to_the_cutoff(celsius):
 
 def test_where_the_cold_is_known_and_not_wanted_it_is_not_measured_again():
     known, use = known_after_pulses(-10.0), Use((25.0,), (0.5, 1.5), (0.05, 1.0))
-    candidates = candidates_of(known, (-10.0, 25.0), use.c_rates)
+    candidates = candidates_of(known, (-10.0, 25.0), use)
     (first, *_), _ = plan(known, candidates, use, hours=12)
     assert first.ambient_temperature_celsius == 25.0
 
 
 def test_each_test_lowers_the_error_once_and_within_the_hours(warm):
     use = USE._replace(celsius=(0.0,))
-    candidates = candidates_of(warm, use.celsius, use.c_rates)
+    candidates = candidates_of(warm, use.celsius, use)
     steps, _ = plan(warm, candidates, use, hours=20)
     assert sum(step.hours for step in steps) <= 20
     assert len({step.test for step in steps}) == len(steps) > 1
@@ -156,7 +156,7 @@ def test_each_test_lowers_the_error_once_and_within_the_hours(warm):
 
 def test_drives_are_chosen_from_only_where_they_may_be_fitted(warm):
     kinds = [
-        {one.kind for one in candidates_of(warm, [0.0], [1.0], drives=drives)}
+        {one.kind for one in candidates_of(warm, [0.0], USE, drives=drives)}
         for drives in (False, True)
     ]
     assert kinds == [{"capacity", "hppc"}, {"capacity", "hppc", "drive"}]
@@ -166,8 +166,8 @@ def test_by_rating_and_cutoffs_alone_a_night_makes_a_twin():
     """The prior scales with the capacity: so does nothing of the plan."""
     use, plans = Use((-10.0, 25.0), (0.2, 1.0), (0.05, 1.0)), []
     for capacity in (2.0, 60.0):
-        known = known_from_rating(capacity, (2.5, 4.2))
-        candidates = candidates_of(known, use.celsius, use.c_rates)
+        known = knowledge_from_rating(capacity, (2.5, 4.2))
+        candidates = candidates_of(known, use.celsius, use)
         plans.append(plan(known, candidates, use, hours=12)[0])
     assert [step.test for step in plans[0]] == [step.test for step in plans[1]]
     assert plans[0][0].ambient_temperature_celsius == -10.0
@@ -186,24 +186,24 @@ def test_by_rating_and_cutoffs_alone_a_night_makes_a_twin():
     ],
 )
 def test_refused_is_a_use_or_a_time_that_allows_no_plan(warm, use, hours, said):
-    candidates = candidates_of(warm, [0.0], USE.c_rates)
+    candidates = candidates_of(warm, [0.0], USE)
     with pytest.raises(Refusal, match=re.escape(said)):
         plan(warm, candidates, use, hours=hours)
 
 
 def test_refused_are_ratings_and_models_that_tell_no_particle():
     with pytest.raises(Refusal, match=re.escape("rated capacity 0 Ah; wanted more")):
-        known_from_rating(0.0, (2.5, 4.2))
+        knowledge_from_rating(0.0, (2.5, 4.2))
     with pytest.raises(Refusal, match=re.escape("cut-offs 4.2 and 2.5 V; wanted the lower")):
-        known_from_rating(2.9, (4.2, 2.5))
+        knowledge_from_rating(2.9, (4.2, 2.5))
     model = {"cell": "A", "particle": None}
     with pytest.raises(Refusal, match="the model of A has no particle; wanted one"):
-        known_from_model(model, None, cell_facts(), [], split_rest_second=120)
+        knowledge_from_model(model, None, cell_facts(), [], split_rest_second=120)
     model["particle"] = {"celsius": [25.0]}
     unstated = cell_facts(None, None)
     with pytest.raises(Refusal, match=re.escape("states the cut-offs (None, None); wanted both")):
-        known_from_model(model, None, unstated, [], split_rest_second=120)
-    known = known_from_rating(2.9, (2.5, 4.2))
+        knowledge_from_model(model, None, unstated, [], split_rest_second=120)
+    known = knowledge_from_rating(2.9, (2.5, 4.2))
     with pytest.raises(Refusal, match="no test to choose from"):
         plan(known, [], USE, hours=12)
     assert READY_HOUR < 12

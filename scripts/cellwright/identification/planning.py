@@ -21,6 +21,7 @@ from cellwright.circuits.particle import SCALES, Particle, layout, of_document, 
 from cellwright.circuits.temperature import temperature_weights
 from cellwright.identification.in_use import fitted_records
 from cellwright.identification.particle import PRIORS, information, task_of
+from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS, grouped_alike, same_temperature
 from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
@@ -50,7 +51,7 @@ class Use(NamedTuple):
     soc: tuple
 
 
-class Known(NamedTuple):
+class Knowledge(NamedTuple):
     """What is known of a cell: the most likely Particle, the precision (p, p) of its vector, the
     capacity that its SoC refers to [Ah], its lower and upper cut-off [V]."""
 
@@ -74,7 +75,7 @@ class Candidate(NamedTuple):
     soc: float = 1.0
 
 
-class Planned(NamedTuple):
+class PlannedTest(NamedTuple):
     """A test of a plan: what it is, its temperature [degC], its hours, and the expected RMS error
     of the voltage over the wanted use before and after it [V], geometric means over the cells that
     what is known leaves open; low, high : the least and most of these after it, about two thirds of
@@ -90,7 +91,7 @@ class Planned(NamedTuple):
     after_high_volt: float
 
 
-def known_from_tests(task, particle, cutoffs_volt):
+def knowledge_from_tests(task, particle, cutoffs_volt):
     """What a fit to tests that were made tells of a cell.
 
     Parameters
@@ -100,13 +101,13 @@ def known_from_tests(task, particle, cutoffs_volt):
 
     Returns
     -------
-    known : Known.
+    knowledge : Knowledge.
     """
     precision = task.precision + information(task, particle)
-    return Known(particle, precision, task.capacity_ampere_hour, tuple(cutoffs_volt))
+    return Knowledge(particle, precision, task.capacity_ampere_hour, tuple(cutoffs_volt))
 
 
-def known_from_model(model, basis, cell, tests, *, split_rest_second):
+def knowledge_from_model(model, basis, cell, tests, *, split_rest_second):
     """What the tests that a model was identified from tell of its particle.
 
     Parameters
@@ -117,7 +118,7 @@ def known_from_model(model, basis, cell, tests, *, split_rest_second):
 
     Returns
     -------
-    known : Known.
+    knowledge : Knowledge.
 
     Raises
     ------
@@ -140,10 +141,10 @@ def known_from_model(model, basis, cell, tests, *, split_rest_second):
         conditions.append((celsius, records, records, blocks))
     size = {"capacity_ampere_hour": model["capacity_ampere_hour"]}
     task = task_of(conditions, model["ocv"], **size)
-    return known_from_tests(task, of_document(model["particle"]), cutoffs_volt)
+    return knowledge_from_tests(task, of_document(model["particle"]), cutoffs_volt)
 
 
-def known_from_rating(capacity_ampere_hour, cutoffs_volt):
+def knowledge_from_rating(capacity_ampere_hour, cutoffs_volt):
     """What rating and cut-offs tell of a cell that no test was made of: the particle's prior.
 
     Parameters
@@ -152,7 +153,7 @@ def known_from_rating(capacity_ampere_hour, cutoffs_volt):
 
     Returns
     -------
-    known : Known, at the reference temperature.
+    knowledge : Knowledge, at the reference temperature.
 
     Raises
     ------
@@ -174,26 +175,31 @@ def known_from_rating(capacity_ampere_hour, cutoffs_volt):
     wider = PRIORS["ocv_shift_volt"].std / (UNKNOWN_OCV_SHARE * (high - low))
     precision = task.precision.copy()
     precision[place, place] *= wider**2
-    return Known(task.start, precision, capacity_ampere_hour, (low, high))
+    return Knowledge(task.start, precision, capacity_ampere_hour, (low, high))
 
 
-def candidates_of(known, chamber_celsius, c_rates, *, drives=False):
+def candidates_of(knowledge, chamber_celsius, use, *, drives=False):
     """Tests that a laboratory could make of a full cell.
 
     Capacity tests from C/20 to 1C and pulses at ten levels of the SoC, at each temperature.
 
     Parameters
     ----------
-    known : Known. chamber_celsius : temperatures that the chamber reaches [degC].
-    c_rates : of the pulses and drives [1/h].
-    drives : whether drives with the wanted loads may be fitted too.
+    knowledge : Knowledge. chamber_celsius : temperatures that the chamber reaches [degC].
+    use : Use, whose rates the pulses have. drives : whether a drive with the loads of the use may
+        be fitted too.
 
     Returns
     -------
     candidates : list of Candidate.
+
+    Raises
+    ------
+    Refusal : a use of no load or SoC.
     """
-    capacity, found = known.capacity_ampere_hour, []
-    rates = ", ".join(f"{rate:g}C" for rate in c_rates)
+    _refuse_use(use)
+    capacity, found = knowledge.capacity_ampere_hour, []
+    c_rates, rates = use.c_rates, ", ".join(f"{rate:g}C" for rate in use.c_rates)
     shapes = [("capacity", _rate_words(r), _discharge(r, capacity)) for r in CAPACITY_C_RATES]
     shapes.append(("hppc", f"pulses of {rates}", _pulses(c_rates, capacity)))
     if drives:
@@ -205,35 +211,38 @@ def candidates_of(known, chamber_celsius, c_rates, *, drives=False):
     return found
 
 
-def plan(known, candidates, use, *, hours):
+def plan(knowledge, candidates, use, *, hours):
     """The tests that lower the expected error of a model most, one after another.
 
     Parameters
     ----------
-    known : Known. candidates : list of Candidate, each taken once at most.
+    knowledge : Knowledge. candidates : list of Candidate, each taken once at most.
     use : Use. hours : that all tests together may take.
 
     Returns
     -------
-    planned : list of Planned, in the order in which they are best made.
-    ranked : list of Planned, each candidate by itself, that first which lowers most per hour.
+    planned : list of PlannedTest, in the order in which they are best made.
+    ranked : list of PlannedTest, each candidate by itself, that first which lowers most per hour.
 
     Raises
     ------
-    Refusal : no candidate takes so few hours; a use without rows, or that the cell cannot serve.
+    Refusal : no candidate takes so few hours; a use of no load or SoC, or that the
+        cell cannot serve.
     """
-    _refuse(use, hours, candidates)
-    known = _at_temperatures(known, [one.celsius for one in candidates])
-    cells = _drawn(known)
-    wanted = [_of_use(known, cell, use) for cell in cells]
-    told = [[_told_by(known, cell, one) for cell in cells] for one in candidates]
-    precisions, left = [known.precision] * len(cells), list(range(len(candidates)))
+    _refuse_use(use)
+    _refuse_hours(hours, candidates)
+    every_celsius = [*(one.celsius for one in candidates), *use.celsius]
+    knowledge = _at_temperatures(knowledge, every_celsius)
+    cells = _draw_cells(knowledge)
+    moments = [_use_moment(knowledge, cell, use) for cell in cells]
+    informations = [[_information_of(knowledge, cell, one) for cell in cells] for one in candidates]
+    precisions, left = [knowledge.precision] * len(cells), list(range(len(candidates)))
     planned, spent = [], 0.0
-    ranked = _ranked(candidates, told, precisions, wanted)
+    ranked = _ranked(candidates, informations, precisions, moments)
     while True:
         open_ones = [
             (number, step)
-            for _, number, step in _ranked(candidates, told, precisions, wanted)
+            for _, number, step in _ranked(candidates, informations, precisions, moments)
             if number in left and spent + step.hours <= hours
         ]
         if not open_ones:
@@ -242,21 +251,21 @@ def plan(known, candidates, use, *, hours):
         planned.append(step)
         spent += step.hours
         left.remove(number)
-        precisions = [a + b for a, b in zip(precisions, told[number], strict=True)]
+        precisions = [a + b for a, b in zip(precisions, informations[number], strict=True)]
 
 
-def _ranked(candidates, told, precisions, wanted):
-    """(gain per hour, number of the candidate, Planned) of each, the largest gain first."""
-    before = [_error_volt(*pair) for pair in zip(precisions, wanted, strict=True)]
+def _ranked(candidates, informations, precisions, moments):
+    """(gain per hour, number of the candidate, PlannedTest) of each, the largest gain first."""
+    before = [_error_volt(*pair) for pair in zip(precisions, moments, strict=True)]
     found = []
-    for number, (one, added) in enumerate(zip(candidates, told, strict=True)):
+    for number, (one, added) in enumerate(zip(candidates, informations, strict=True)):
         after = [
             _error_volt(precision + new, moment)
-            for precision, new, moment in zip(precisions, added, wanted, strict=True)
+            for precision, new, moment in zip(precisions, added, moments, strict=True)
         ]
         means = [float(np.exp(np.mean(np.log(errors)))) for errors in (before, after)]
         about = (one.kind, one.words, one.celsius, one.hours)
-        step = Planned(*about, *means, min(after), max(after))
+        step = PlannedTest(*about, *means, min(after), max(after))
         found.append((np.log(means[0] / means[1]) / one.hours, number, step))
     return sorted(found, key=lambda entry: -entry[0])
 
@@ -266,14 +275,18 @@ def _error_volt(precision, moment):
     return float(np.sqrt(np.trace(np.linalg.solve(precision, moment))))
 
 
-def _refuse(use, hours, candidates):
-    """Refuse a use that says nothing, and hours in which no test fits."""
+def _refuse_use(use):
     low, high = use.soc
     if not 0.0 <= low < high <= 1.0:
         raise Refusal(f"SoC from {low:g} to {high:g}; wanted two rising numbers within 0 to 1")
-    if not use.celsius or not use.c_rates or not min(use.c_rates) > 0:
-        found = f"temperatures {list(use.celsius)} and C-rates {list(use.c_rates)} of the use"
+    sound = all(rate > 0 for rate in use.c_rates)
+    sound &= all(celsius > -ZERO_CELSIUS_KELVIN for celsius in use.celsius)
+    if not sound or not use.celsius or not use.c_rates:
+        found = f"temperatures {list(use.celsius)} °C and C-rates {list(use.c_rates)} of the use"
         raise Refusal(f"{found}; wanted at least one of each, rates above 0")
+
+
+def _refuse_hours(hours, candidates):
     if not candidates:
         raise Refusal("no test to choose from; wanted at least one temperature of the chamber")
     least = min(candidates, key=lambda one: one.hours)
@@ -284,12 +297,12 @@ def _refuse(use, hours, candidates):
         )
 
 
-def _at_temperatures(known, celsius):
-    """Known with a place on the SoC's scale at further temperatures, as a fit to tests there has.
+def _at_temperatures(knowledge, celsius):
+    """Knowledge with the SoC's scale at further temperatures, as a fit to tests there has it.
 
-    There it is expected to be as between its neighbours, with the prior's deviation.
+    It is expected to be as between its neighbours there, with the prior's deviation.
     """
-    old = known.particle
+    old = knowledge.particle
     groups = grouped_alike(celsius, same_temperature)
     new = [
         group[0] for group in groups if not any(same_temperature(group[0], c) for c in old.celsius)
@@ -311,44 +324,44 @@ def _at_temperatures(known, celsius):
             vector[place] = old.vector[before[name]]
         index.append(numbers)
     index = np.concatenate(index)
-    precision[np.ix_(index, index)] = known.precision
-    return known._replace(particle=Particle(old.ocv_volt, every, vector), precision=precision)
+    precision[np.ix_(index, index)] = knowledge.precision
+    return knowledge._replace(particle=Particle(old.ocv_volt, every, vector), precision=precision)
 
 
-def _drawn(known):
+def _draw_cells(knowledge):
     """The most likely cell, and others that what is known leaves open."""
     # x = L⁻ᵀ·n has the covariance (L·Lᵀ)⁻¹ of the precision.
-    root = np.linalg.cholesky(known.precision)
+    root = np.linalg.cholesky(knowledge.precision)
     normal = np.random.default_rng(SEED).normal(size=(DRAWS, len(root)))
-    vectors = known.particle.vector + np.linalg.solve(root.T, normal.T).T
-    return [known.particle, *(known.particle._replace(vector=vector) for vector in vectors)]
+    vectors = knowledge.particle.vector + np.linalg.solve(root.T, normal.T).T
+    return [knowledge.particle, *(knowledge.particle._replace(vector=vector) for vector in vectors)]
 
 
-def _of_use(known, cell, use):
+def _use_moment(knowledge, cell, use):
     """Mean over the wanted use of dV/dp by dV/dp (p, p), all temperatures alike."""
     low, high = use.soc
-    capacity, moments = known.capacity_ampere_hour, []
+    capacity, moments = knowledge.capacity_ampere_hour, []
     time, current = _loads(use.c_rates, capacity, _sparse, share=high - low)
     for celsius in use.celsius:
         soc = _counted(time, current, high, capacity)
         simulated = run(
             cell, time, current, soc, celsius, capacity_ampere_hour=capacity, derivatives=True
         )
-        rows = _until_empty(simulated.voltage_volt, current, known.cutoffs_volt[0])
-        if rows < LEAST_ROWS and cell is known.particle:
+        rows = _until_empty(simulated.voltage_volt, current, knowledge.cutoffs_volt[0])
+        if rows < LEAST_ROWS and cell is knowledge.particle:
             raise Refusal(
                 f"at {celsius:g} °C a load of {max(use.c_rates):g}C from SoC {high:g} on ends at "
-                f"the cut-off of {known.cutoffs_volt[0]:g} V within {time[rows]:.0f} s, by what is "
-                "known of the cell; wanted a use that it can serve: lower rates or warmer"
+                f"the cut-off of {knowledge.cutoffs_volt[0]:g} V within {time[rows]:.0f} s, by "
+                "what is known of the cell; wanted a use that it can serve: lower rates or warmer"
             )
         by, stands_for = simulated.by[:rows], np.gradient(time)[:rows]
         moments.append((by * stands_for[:, None]).T @ by / stands_for.sum())
     return np.mean(moments, axis=0)
 
 
-def _told_by(known, cell, candidate):
+def _information_of(knowledge, cell, candidate):
     """What a candidate's rows would add to the precision (p, p) of a cell's numbers."""
-    capacity, (low, high) = known.capacity_ampere_hour, known.cutoffs_volt
+    capacity, (low, high) = knowledge.capacity_ampere_hour, knowledge.cutoffs_volt
     time, current = candidate.test_time_second, candidate.current_ampere
     soc = _counted(time, current, candidate.soc, capacity)
     settings = {"capacity_ampere_hour": capacity}
@@ -358,7 +371,7 @@ def _told_by(known, cell, candidate):
     rows = _until_empty(volt, emptying, low)
     used = (volt[:rows] >= low) & (volt[:rows] <= high)
     if used.sum() < LEAST_ROWS:
-        return np.zeros_like(known.precision)
+        return np.zeros_like(knowledge.precision)
     record = record_of(
         *(column[:rows] for column in (time, current, volt, soc)),
         kind=candidate.kind,

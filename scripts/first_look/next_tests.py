@@ -44,7 +44,7 @@ def lines_of(options):
     use = planning.Use(tuple(options.celsius), tuple(options.c_rates), tuple(options.soc))
     known, words, misfit_volt = _known(options)
     chamber = options.chamber or options.celsius
-    candidates = planning.candidates_of(known, chamber, options.c_rates, drives=options.drives)
+    candidates = planning.candidates_of(known, chamber, use, drives=options.drives)
     steps, _ = planning.plan(known, candidates, use, hours=options.hours)
     yield words
     yield f"{'test':<28}{'°C':>6}{'hours':>8}{'before':>9}{'after':>8} mV   of other such cells"
@@ -67,7 +67,7 @@ def lines_of(options):
     if options.csv:
         with open(options.csv, "w", encoding="utf-8", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(planning.Planned._fields)
+            rows.writerow(planning.PlannedTest._fields)
             rows.writerows(steps)
         yield f"written: {options.csv}"
 
@@ -83,7 +83,7 @@ def _known(options):
         return _of_campaign(Path(options.folder), options.cell)
     if options.rating is None or options.cutoffs is None:
         raise Refusal("wanted a campaign's folder, or --rating AH and --cutoffs LOW HIGH")
-    known = planning.known_from_rating(options.rating, options.cutoffs)
+    known = planning.knowledge_from_rating(options.rating, options.cutoffs)
     return known, f"a cell of {options.rating:g} Ah by its rating and cut-offs alone", None
 
 
@@ -101,7 +101,7 @@ def _of_campaign(folder, cell):
         model, about = artefact.load(path), artefact.read_about(path)
         series = [source for source in about["inputs"] if "/clean/" in source]
         basis = artefact.load_first([p for p in about["inputs"] if "/basis/" in p])
-        known = planning.known_from_model(
+        known = planning.knowledge_from_model(
             model,
             basis,
             inputs.cell_facts(about["params"]["cell"]),

@@ -10,7 +10,7 @@ from sheets_facts import cell_facts, measured_test
 
 import cellwright as cw
 from cellwright.circuits.particle import layout, run
-from cellwright.identification.planning import known_from_model
+from cellwright.identification.planning import knowledge_from_model
 from first_look.__main__ import main
 from runtime import artefact
 
@@ -62,7 +62,7 @@ def campaign(tmp_path, model):
 
 
 def test_what_is_known_of_a_campaign_is_what_its_model_states(model):
-    known = known_from_model(model, BASIS, CELL, [pulses()], split_rest_second=120)
+    known = knowledge_from_model(model, BASIS, CELL, [pulses()], split_rest_second=120)
     std = np.sqrt(np.diag(np.linalg.inv(known.precision)))
     place, document = layout(1)["double_layer_farad"], model["particle"]
     stated = np.divide(document["double_layer_farad_std"], document["double_layer_farad"])
