@@ -23,6 +23,7 @@ CENTRE_OF_DIGIT = 0.36  # of the font size, above the line on which it stands
 AXIS_ORDER = 0.5  # drawn above what has a lower `zorder`
 SIDES = {"left": (0, 0, 0, 1), "right": (1, 0, 1, 1), "bottom": (0, 0, 1, 0), "top": (0, 1, 1, 1)}
 FLIPPED = Affine2D().scale(1.0, -1.0)  # SVG counts y from above
+NAMELESS = "_"  # a panel or series without a name: an empty one would not be written
 SCALE_POINTS = 17  # of a scale that is neither straight nor logarithmic
 BEYOND = 10.0  # point beyond the canvas, from where a mark may still reach into it
 WRITTEN_AT = {"left": "start", "center": "middle", "right": "end"}
@@ -147,7 +148,8 @@ def drawn(figure, *, metadata) -> str:
 
 def _draw_panel(canvas, axes, around):
     """A panel: what lies below its grid, the grid and ticks, its artists, spines and titles."""
-    canvas.writer.start("g", attrib=_scales(axes, around, canvas.get_canvas_width_height()[1]))
+    svg = canvas._vector_renderer  # also while a picture is made of what is not drawn as lines
+    svg.writer.start("g", attrib=_scales(axes, around, svg.height))
     apart = {axes.xaxis, axes.yaxis, axes.patch, *decoration.title_texts(axes)}
     artists = [a for a in axes.get_children() if a not in apart and not _is_side(a)]
     artists.sort(key=lambda artist: artist.zorder)
@@ -163,7 +165,7 @@ def _draw_panel(canvas, axes, around):
         _draw_series(canvas, artist)
     if axes.axison:
         _draw_sides(canvas, axes)
-    canvas.writer.end("g")
+    svg.writer.end("g")
 
 
 def _scales(axes, around, height) -> dict:
@@ -172,7 +174,7 @@ def _scales(axes, around, height) -> dict:
     The report's reader gets the numbers of a figure back from its drawing by them; places are in
     points of the drawing, from above.
     """
-    about = {"data-panel": around.title.text.replace("\n", " ")}
+    about = {"data-panel": around.title.text.replace("\n", " ") or NAMELESS}
     for axis, name in enumerate("xy"):
         one = getattr(axes, f"{name}axis")
         place = decoration.places(axes, ends := _scale_points(one), axis=axis)
@@ -192,14 +194,15 @@ def _scale_points(axis):
 
 
 def _draw_series(canvas, artist):
-    """An artist of a panel; lines, points and bars in a group with the name of the series."""
+    """Draw an artist of a panel; lines, points and bars in a group with the name of the series."""
     if not isinstance(artist, (Line2D, Patch, Collection)):
         artist.draw(canvas)
         return
-    label = str(artist.get_label())
-    canvas.writer.start("g", attrib={"data-s": "" if label.startswith("_") else label})
+    label = str(artist.get_label()) or NAMELESS
+    writer = canvas._vector_renderer.writer
+    writer.start("g", attrib={"data-s": NAMELESS if label.startswith("_") else label})
     artist.draw(canvas)
-    canvas.writer.end("g")
+    writer.end("g")
 
 
 def _is_side(artist):

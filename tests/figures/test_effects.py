@@ -5,7 +5,6 @@ import pytest
 from figure_panels import rendered, title
 
 from cellwright.effects.story.words import name_of_effect
-
 from figures import canvas, effects
 
 
