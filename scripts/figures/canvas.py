@@ -22,6 +22,7 @@ CENTRE_OF_DIGIT = 0.36  # of the font size, above the line on which it stands
 AXIS_ORDER = 0.5  # drawn above what has a lower `zorder`
 SIDES = {"left": (0, 0, 0, 1), "right": (1, 0, 1, 1), "bottom": (0, 0, 1, 0), "top": (0, 1, 1, 1)}
 FLIPPED = Affine2D().scale(1.0, -1.0)  # SVG counts y from above
+NAMELESS = "_"  # a panel or series without a name: an empty one would not be written
 SCALE_POINTS = 17  # of a scale that is neither straight nor logarithmic
 BEYOND = 10.0  # point beyond the canvas, from where a mark may still reach into it
 WRITTEN_AT = {"left": "start", "center": "middle", "right": "end"}
@@ -172,7 +173,7 @@ def _scales(axes, around, height) -> dict:
     The report's reader gets the numbers of a figure back from its drawing by them; places are in
     points of the drawing, from above.
     """
-    about = {"data-panel": around.title.text.replace("\n", " ")}
+    about = {"data-panel": around.title.text.replace("\n", " ") or NAMELESS}
     for axis, name in enumerate("xy"):
         one = getattr(axes, f"{name}axis")
         place = decoration.places(axes, ends := _scale_points(one), axis=axis)
@@ -192,12 +193,12 @@ def _scale_points(axis):
 
 
 def _draw_series(canvas, artist):
-    """An artist of a panel; lines, points and bars in a group with the name of the series."""
+    """Draw an artist of a panel; lines, points and bars in a group with the name of the series."""
     if not isinstance(artist, (Line2D, Patch, Collection)):
         artist.draw(canvas)
         return
-    label = str(artist.get_label())
-    canvas.writer.start("g", attrib={"data-s": "" if label.startswith("_") else label})
+    label = str(artist.get_label()) or NAMELESS
+    canvas.writer.start("g", attrib={"data-s": NAMELESS if label.startswith("_") else label})
     artist.draw(canvas)
     if artist.get_rasterized():
         # Matplotlib ends a picture only before the next artist that is none.

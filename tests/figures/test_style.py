@@ -48,7 +48,7 @@ def test_a_name_is_no_formula(snakemake):
     with artefact.Job(snakemake("results/figures/A/x.svg")) as job:
         style.save(figure, job)
     drawn = Path("results/figures/A/x.svg").read_text(encoding="utf-8")
-    assert drawn.count(name) == 5
+    assert drawn.count(name) == 7, "five texts; a title and a series by which data are read"
     assert ">$b$<" in drawn
     assert "10⁻²" in drawn
     assert "mathdefault" not in drawn

@@ -53,6 +53,10 @@ HEARD = WITNESS | {"name": "pulses", "effect": "resistance_soc", "named": False}
 HEARD |= {"says": "contradicts", "text": "not named, although < 3"}
 
 
+SOC = np.linspace(0.0, 1.0, 21)
+SLOW = {"soc": SOC, "ocv_volt": 3.0 + SOC}
+SLOW |= dict.fromkeys(("discharge_volt", "charge_volt", "half_gap_volt"), 0.0 * SOC)
+
 # As the drawing of a figure writes it: a head, provenance, and the drawing.
 PICTURE = """<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg"><metadata>%s</metadata>
@@ -170,6 +174,7 @@ def job(snakemake, saved):
         pybamm=[],
         simulated=simulated,
         series=[],
+        curves=[saved("results/stages/ocv/A/slow.parquet", SLOW)],
     )
     params = SimpleNamespace(
         cells=[CELL],

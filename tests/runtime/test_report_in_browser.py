@@ -1,14 +1,17 @@
 """The report as a real browser shows it: places, keys, widths, paper, dark, and 500 cells."""
 
+import csv
 import re
 
+import numpy as np
 import pytest
 from report_text import PACKED
 
+from figures import style, svg
 from runtime import artefact, page
 from tools import browser
 
-PLACES = ["overview", "cell-A", "cell-pair", "methods", "assumptions", "provenance"]
+PLACES = ["overview", "compare", "cell-A", "cell-pair", "methods", "assumptions", "provenance"]
 UNFOLD = "document.querySelectorAll('section.here details').forEach(d => d.open = true)"
 # What does not fit its box: cells and cards, never a picture, which may be swept on a phone.
 CUT = """Array.from(document.querySelectorAll('section.here td, section.here th, section.here dd,'
@@ -105,6 +108,95 @@ def test_a_predicted_test_is_looked_at_closer_by_mouse_and_by_keys(tab, report):
     said = tab.evaluate("document.querySelector('section.here .look output').textContent")
     assert re.match(r"time [\d.]+, measured 3\.\d+, model 2RC 3\.\d+, measured − model -2", said)
     assert tab.console == []
+
+
+def test_curves_of_cells_are_laid_over_each_other(tab, report):
+    tab.go(report, "compare")
+    tab.wait("document.querySelector('#compare .uplot')")
+    choose = """(id => { const s = document.querySelector('#compare select'); s.value = id;
+      s.dispatchEvent(new Event('change', { bubbles: true })); })"""
+    tab.evaluate(f"{choose}('ocv')")
+    said = "document.querySelector('#compare output').textContent"
+    assert tab.evaluate(said) == "1 of 1 curves"
+    tab.evaluate("document.querySelector('#compare [data-do=none]').click()")
+    assert tab.evaluate(said) == "0 of 1 curves"
+    assert tab.evaluate("document.querySelectorAll('#compare .uplot').length") == 0
+    tab.evaluate("document.querySelector('#compare .choice input').click()")
+    legend = "document.querySelector('#compare .u-legend').textContent"
+    assert "A slow" in tab.evaluate(legend)
+    tab.evaluate(KEEP)
+    tab.evaluate("document.querySelector('#compare [data-do=csv]').click()")
+    lines = tab.evaluate("window.kept[0].text()").splitlines()
+    assert lines[0] == "cell,curve,SoC [%],voltage [V]"
+    assert (lines[1], lines[-1]) == ("A,slow,0,3", "A,slow,100,4")
+    assert tab.console == []
+
+
+# What a reader would be offered to save.
+KEEP = "window.kept = []; URL.createObjectURL = blob => { window.kept.push(blob); return '#'; }"
+
+
+def test_a_figure_gives_its_numbers_and_its_picture(tab, job, tmp_path):
+    figure, axes = style.subplots(1, 2)
+    axes[0, 0].plot([0.0, 1.0, 4.0], [3.0, 3.5, 3.2], label="measured, C1")
+    axes[0, 0].plot([1.0, 2.0], [3.1, 3.3], "o")
+    axes[0, 0].set(title="Voltage", xlabel="time [h]", ylabel="voltage [V]")
+    axes[0, 1].plot([0.01, 10.0], [1.0, 1000.0], label="arc")
+    axes[0, 1].set(xscale="log", yscale="log", title="Both logarithmic")
+    style.legend_once(axes[0, 0])
+    text = svg.text_of(figure, description="{}")
+    (tmp_path / "results/figures/A/validation_udds.svg").write_text(text, encoding="utf-8")
+    tab.go(written(page.render(job), tmp_path), "cell-A/validation_udds")
+    tab.evaluate(KEEP)
+    tab.evaluate("document.querySelectorAll('section.here .save').forEach(b => b.click())")
+    rows = list(csv.DictReader(tab.evaluate("window.kept[0].text()").splitlines()))
+    found = {}
+    for row in rows:
+        key = row["panel"], row["series"]
+        found.setdefault(key, []).append((float(row["x"]), float(row["y"])))
+    assert {row["x is"] for row in rows if row["panel"] == "Voltage"} == {"time [h]"}
+    line, spots = found["Voltage", "measured, C1"], found["Voltage", "series 2"]
+    assert np.array(line) == pytest.approx(np.array([[0, 3], [1, 3.5], [4, 3.2]]), abs=2e-3)
+    assert np.array(spots) == pytest.approx(np.array([[1, 3.1], [2, 3.3]]), abs=2e-3)
+    arc = np.array(found["Both logarithmic", "arc"])
+    assert arc == pytest.approx(np.array([[0.01, 1], [10, 1000]]), rel=5e-3)
+    tab.wait("window.kept.length === 2")
+    assert tab.evaluate("window.kept[1].type") == "image/png"
+    assert tab.evaluate("window.kept[1].size") > 5000
+    assert tab.console == []
+
+
+def test_columns_and_units_of_the_overview_are_chosen(tab, job, tmp_path, snakemake):
+    tab.go(fleet(job, snakemake, tmp_path, 3))
+    assert tab.evaluate("document.querySelector('.columns').parentElement.hidden") is False
+    cell = "document.querySelector('table.cells tbody tr').cells"
+    before = tab.evaluate(f"{cell}[2].textContent")
+    tab.evaluate("""(s => { s.value = 'mAh'; s.dispatchEvent(new Event('change')); })(
+        document.querySelector('.columns select'))""")
+    assert float(tab.evaluate(f"{cell}[2].textContent")) == pytest.approx(1e3 * float(before))
+    heading = "document.querySelector('table.cells thead tr').cells[2].textContent"
+    assert tab.evaluate(heading) == "capacity [mAh]"
+    tab.evaluate("document.querySelectorAll('.columns input')[5].click()")
+    assert tab.evaluate(f"{cell}[6].offsetParent === null")
+    assert tab.evaluate(f"{cell}[5].offsetParent !== null")
+
+
+def test_a_folded_cell_prints_its_card_and_a_figure_a_chapter(tab, report):
+    tab.go(report, "cell-A")
+    tab.call("Emulation.setEmulatedMedia", media="print", features=[])
+    seen = """(what => Array.from(document.querySelectorAll(`section.here ${what}`))
+      .filter(e => e.offsetParent && e.getClientRects().length).length)"""
+    prints = "window.dispatchEvent(new Event('beforeprint'))"
+    tab.evaluate(prints)
+    assert tab.evaluate(f"{seen}('dl.card')") == 1
+    assert tab.evaluate(f"{seen}('figure')") == 1
+    assert tab.evaluate(f"{seen}('.chapter table')") == 0
+    tab.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    tab.evaluate("document.querySelector('section.here details.chapter').open = true")
+    tab.evaluate(prints)
+    assert tab.evaluate(f"{seen}('.chapter table')") > 3, "one chapter unfolded: all of it"
+    style = tab.evaluate("document.querySelector('style').textContent")
+    assert '@bottom-left { content: "Tiny \\26 small"' in style.replace("\\26  ", "\\26 ")
 
 
 @pytest.mark.slow

@@ -34,11 +34,12 @@
     var of = scale.log ? Math.log : Number, back = scale.log ? Math.exp : Number;
     return Number(back(of(from[0]) + share * (of(to[0]) - of(from[0]))).toPrecision(5));
   }
+  function nameOf(part, attribute, otherwise) { var name = part.getAttribute(attribute); return name === "_" ? otherwise : name; }
   function numbersOf(svg) {
     var rows = [["panel", "series", "x", "y", "x is", "y is"]];
     svg.querySelectorAll("[data-panel]").forEach(function (panel, n) {
       var x = JSON.parse(panel.getAttribute("data-x-scale")), y = JSON.parse(panel.getAttribute("data-y-scale"));
-      var title = panel.getAttribute("data-panel") || "panel " + (n + 1);
+      var title = nameOf(panel, "data-panel", "panel " + (n + 1));
       panel.querySelectorAll("[data-s]").forEach(function (group, k) {
         var points = [];
         group.querySelectorAll("path, use").forEach(function (one) {
@@ -47,7 +48,7 @@
           else { points.push([Number(one.getAttribute("x")), Number(one.getAttribute("y"))]); }
         });
         points.forEach(function (point) {
-          rows.push([title, group.getAttribute("data-s") || "series " + (k + 1), valueAt(x, point[0]), valueAt(y, point[1]), x.label, y.label]);
+          rows.push([title, nameOf(group, "data-s", "series " + (k + 1)), valueAt(x, point[0]), valueAt(y, point[1]), x.label, y.label]);
         });
       });
     });
@@ -59,7 +60,7 @@
     var figure = button.closest("figure"), img = figure.querySelector("img");
     var name = figure.id.replace(/^cell-/, "").replace(/[^\w.-]+/g, "_");
     if (button.dataset.as === "csv") {
-      var text = decodeURIComponent(img.getAttribute("src").slice("data:image/svg+xml,".length));
+      var text = decodeURIComponent(img.getAttribute("src").slice("data:image/svg+xml,".length)).replace(/<style[^]*?<\/style>/g, "");
       save(name + ".csv", new Blob([numbersOf(new DOMParser().parseFromString(text, "image/svg+xml"))], { type: "text/csv" }));
       return;
     }
