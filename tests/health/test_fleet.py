@@ -97,7 +97,7 @@ def test_too_few_and_all_alike_are_refused():
     alike = fleet(0, 8)._replace(resistance_ohm=np.ones((8, 10)))
     for cells, words in (
         (fleet(0, 5), "6 cells with capacity and pulse tests, 5 of"),
-        (nothing, "0 cells"),
+        (nothing, "tests, 0 of its cells"),
         (but_one, "all cells but one have one capacity"),
         (alike, "no line"),
     ):
