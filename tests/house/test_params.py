@@ -72,10 +72,9 @@ def of_step(step) -> set[str]:
 
 
 def calls(function, other) -> bool:
-    """Whether a function calls a private one of its module."""
-    private = isinstance(other, ast.FunctionDef) and other.name.startswith("_")
+    """Whether a function calls another one of its module."""
     names = {n.id for n in ast.walk(function) if isinstance(n, ast.Name)}
-    return private and other.name in names
+    return isinstance(other, ast.FunctionDef) and other.name in names
 
 
 CHECKED = [
