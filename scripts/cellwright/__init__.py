@@ -27,11 +27,11 @@ def __getattr__(name: str):
         raise AttributeError(f"cellwright has no {name!r}; it has {', '.join(MODULE_OF)}")
     found = getattr(import_module(MODULE_OF[name]), name)
     if name not in SHOWN and callable(found) and not isinstance(found, type):
-        from cellwright import api, settings
-        from cellwright.api.stand_alone import completed
-
+        api, settings, shown = (
+            import_module(f"cellwright.{room}") for room in ("api", "settings", "api.stand_alone")
+        )
         SHOWN.add(name)
-        found.__doc__ = completed(found, api.__doc__, settings)
+        found.__doc__ = shown.completed(found, api.__doc__, settings)
     return found
 
 
