@@ -39,7 +39,7 @@ from cellwright.records.conditions import (
     same_rate,
     stated_or_reference,
 )
-from cellwright.records.record import records_by_temperature
+from cellwright.records.record import lone_loads, records_by_temperature
 from cellwright.refusal import Refusal
 from cellwright.settings import Models
 
@@ -115,7 +115,12 @@ def identify(
     choice = choose(scores)
     joint, words = None, ""
     if PARTICLE in members:
-        joint, words = _particle(identified, capacity)
+        lone = lone_loads(young, by_temperature)
+        settings = {"split_rest_second": split_rest_second}
+        beside, about_lone = records_by_temperature(lone, basis, cell, **settings)
+        notes += about_lone
+        beside = [with_share(one, share, capacity) for one in beside]
+        joint, words = _particle(identified, particle.of_lone_loads(beside), capacity)
     content = {
         "schema": SCHEMA,
         "cell": cell.cell,
@@ -147,15 +152,19 @@ def identify(
     return model_result(content)
 
 
-def _particle(identified, capacity):
+def _particle(identified, beside, capacity):
     """The cell as one particle at all temperatures, as it stands in a model file; None and why not
-    where none can be fitted. And in words how it was found."""
+    where none can be fitted. And in words how it was found.
+
+    beside : conditions of which no circuit is fitted, see `particle.of_lone_loads`.
+    """
     if not compiled():
         return None, say("particle.not_compiled")
     conditions = [(one.ocv["ambient_temperature_celsius"], *one.fitted) for one in identified]
     curves = [one.ocv for one in identified]
     try:
-        task = particle.task_of(conditions, curves, capacity_ampere_hour=capacity)
+        every = sorted([*conditions, *beside], key=lambda condition: condition[0])
+        task = particle.task_of(every, curves, capacity_ampere_hour=capacity)
         fit = particle.fitted(task)
         scores = particle.left_out(task, fit, conditions)
         root = particle.root_of_covariance(task, fit)
@@ -167,6 +176,7 @@ def _particle(identified, capacity):
         "fitted_soc": [float(soc.min()), float(soc.max())],
         "basins": [list(basin) for basin in fit.basins],
         "posterior": [row[: number + 1].tolist() for number, row in enumerate(root)],
+        "beside": [record.test for _, records, *_ in beside for record in records],
     }
     document = to_document(fit.particle, fit.std)
     (energy,), (std,) = (document[f"diffusion_joule_per_mole{end}"] for end in ("", "_std"))
@@ -174,6 +184,8 @@ def _particle(identified, capacity):
     if len(fit.basins) > 1:
         ends = [say("particle.basin", energy=e / 1e3, cost=cost) for e, cost in fit.basins]
         words += "; " + say("particle.basins", ends=listed(ends))
+    if about["beside"]:
+        words += "; " + say("particle.beside", tests=listed(about["beside"]))
     return document | about, words
 
 

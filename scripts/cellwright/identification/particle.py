@@ -116,6 +116,19 @@ class Fitted(NamedTuple):
     basins: tuple
 
 
+def of_lone_loads(by_temperature):
+    """Conditions of a task from temperatures of which nothing else is fitted; none is left out.
+
+    Parameters
+    ----------
+    by_temperature : list of FitRecords of long loads, see `records.record.lone_loads`.
+    """
+    return [
+        (one.celsius, *[list(one.records)] * 2, [np.zeros(r.used.sum(), int) for r in one.records])
+        for one in by_temperature
+    ]
+
+
 def task_of(conditions, curves, *, capacity_ampere_hour):
     """What a particle is fitted to.
 

@@ -342,6 +342,24 @@ def records_by_temperature(tests, basis, cell, *, split_rest_second):
     return conditions, notes
 
 
+def lone_loads(tests, conditions):
+    """Capacity tests at temperatures of which nothing is fitted.
+
+    Tables over SoC cannot be told by them beside the pulses or drives of other temperatures; one
+    set of numbers for all temperatures can.
+
+    Parameters
+    ----------
+    tests : list of MeasuredTest. conditions : as of `records_by_temperature`.
+    """
+    return [
+        test
+        for test in tests
+        if test.facts.kind == "capacity"
+        and not any(same_temperature(_chamber_celsius(test), one.celsius) for one in conditions)
+    ]
+
+
 def _counted_once(tests, basis, cell, settings):
     """As `counted_once`; a test that cannot be fitted takes no measurement from the others."""
     marked, words = counted_once(tests)
