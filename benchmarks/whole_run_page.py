@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import matplotlib
+import matplotlib.style
 from matplotlib.figure import Figure
 
 KEPT = Path(__file__).parent / "whole_runs"
@@ -84,20 +85,22 @@ def _row(rule, about) -> str:
 def picture() -> bytes:
     """An SVG with a bar for each campaign: seconds of CPU a cell, by kind of work."""
     kept = runs()
-    figure = Figure(figsize=(9.0, 1.2 + 0.5 * len(kept)), layout="constrained")
-    axes = figure.subplots()
-    for row, run in enumerate(kept.values()):
-        start = 0.0
-        for colour, (kind, second) in enumerate(parts(run).items()):
-            width = second / run["cells"]
-            label = WORDS[kind] if row == 0 else None
-            axes.barh(row, width, left=start, color=f"C{colour}", label=label)
-            start += width
-    axes.set_yticks(range(len(kept)), list(kept))
-    axes.invert_yaxis()
-    axes.set_xlabel("CPU time a cell [s]")
-    figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
-    matplotlib.rcParams["svg.hashsalt"] = "cellwright"
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="svg", metadata={"Date": None})
+    # Whatever style others have set: the picture is committed.
+    with matplotlib.style.context("default"):
+        figure = Figure(figsize=(9.0, 1.2 + 0.5 * len(kept)), layout="constrained")
+        axes = figure.subplots()
+        for row, run in enumerate(kept.values()):
+            start = 0.0
+            for colour, (kind, second) in enumerate(parts(run).items()):
+                width = second / run["cells"]
+                label = WORDS[kind] if row == 0 else None
+                axes.barh(row, width, left=start, color=f"C{colour}", label=label)
+                start += width
+        axes.set_yticks(range(len(kept)), list(kept))
+        axes.invert_yaxis()
+        axes.set_xlabel("CPU time a cell [s]")
+        figure.legend(loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+        matplotlib.rcParams["svg.hashsalt"] = "cellwright"
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()
