@@ -21,8 +21,9 @@ PAIR_WIRE_OHM = (0.002, 0.003)
 PAIR_INITIAL_VOLT = 3.3
 SPECTRUM_SOC = (0.2, 0.5, 0.8)
 CONFIG = (
-    "# The demo campaign runs on the documented defaults;"
+    "# The demo campaign runs on the documented defaults and has a title;"
     " see README.md in this folder for every key.\n"
+    'title: "Demo campaign: seven simulated cells and a pair"\n'
 )
 ABOUT = """# What is true in the demo campaign
 
