@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import cellwright as cw
-from cellwright.messages import listed
+from cellwright.messages import Said, listed
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
 from runtime import campaign_check, raw_files, sheets
@@ -22,6 +22,7 @@ from runtime.search_plan import SearchPlan
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 SLOWEST_HOUR = 100.0  # no cell is tested below C/100 alone: then its rating is in another unit
 SHOWN = 5  # files, or tests, that are named
+NOTHING = "check.nothing"  # code of a sentence on what a test does not give
 
 
 def check(folder):
@@ -94,7 +95,7 @@ def _of_test(folder, config, plan, row):
     return "; ".join(said), float(np.abs(current).max()), (*raw.notes, *series.notes)
 
 
-def _yields(series, steps, cell, row, config) -> list[str]:
+def _yields(series, steps, cell, row, config) -> list[Said]:
     """What the steps of the method give of one test of a cell, or why they give nothing."""
     kind, kinds = row["kind"], [name for name, _ in likely_kinds(steps.rows._asdict())]
     said = []
@@ -123,17 +124,18 @@ def _yields(series, steps, cell, row, config) -> list[str]:
         said += _tried("dQ/dV", lambda: f"a charge at {cw.ica(series, steps).c_rate:.3g} C")
     if kind in PULSE_KINDS:
         pulses = np.count_nonzero(steps.rows.kind == "pulse")
-        said.append(f"pulses: {pulses}" if pulses else "no pulse")
-    if kinds and kind not in kinds and any(words.startswith("no ") for words in said):
-        said.append(f"its steps look like those of kind {' or '.join(kinds)}")
+        said.append(Said(f"pulses: {pulses}") if pulses else Said("no pulse", NOTHING))
+    if kinds and kind not in kinds and any(words.code == NOTHING for words in said):
+        said.append(Said(f"its steps look like those of kind {' or '.join(kinds)}"))
     return said
 
 
-def _tried(what, step) -> list[str]:
+def _tried(what, step) -> list[Said]:
+    """What a step gives, or why it gives nothing."""
     try:
-        return [f"{what}: {step()}"]
+        return [Said(f"{what}: {step()}")]
     except Refusal as reason:
-        return [f"no {what}: {reason}"]
+        return [Said(f"no {what}: {reason}", NOTHING)]
 
 
 def _capacities(found):
