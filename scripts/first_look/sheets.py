@@ -4,6 +4,8 @@ import csv
 import hashlib
 import re
 import shlex
+from collections import Counter
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +34,7 @@ BARE = re.compile(r"(?<![A-Za-z\d.])()(0|[1-9]\d)(?:\.0)?_?C(?![A-Za-z])")
 BLANKS = re.compile(r"[_\s]+")
 # Words that name no cell: temperatures, rates, numbers, dates, kinds of test, drives, folders.
 NO_CELL = re.compile(
-    r"[nm+-]?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d+|"
+    r"([n+-]|(?-i:m))?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d+|"
     r"(slow|full|quasi)?-?(dis)?ch(arge|g)?s?|cap(acity)?|cyc(le|ling)?s?\d*|(c-?)?rates?|"
     r"p?ocv|hppc|gitt|pitt|dcir|dyn(amic)?|pulses?|eis|peis|geis|ica|impedance|spectr(a|um)|"
     r"drives?|udds|us06|hwfet|hwcust|la92|wltp|wltc|nedc|fuds|dst|bjdst|nn|mixed\d*|random\d*|"
@@ -41,6 +43,7 @@ NO_CELL = re.compile(
     re.IGNORECASE,
 )
 NUMBER = re.compile(r"#?\d+")
+SUFFIXES = re.compile(r"(\.[A-Za-z]\w*|\.\d{3})+$")  # .bdf.csv.gz and Maccor's .001, not .5C
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
 SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
@@ -125,10 +128,12 @@ def write(folder) -> list[str]:
         ],
         "ambient_temperature_celsius": cold,
     }
+    of_cell = Counter(row["cell"] for row in tests)
     return [
         *unused,
-        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft. Look at the names of",
-        "cells, kinds, temperatures, roles and cut-offs; write chemistry and rating of the cells.",
+        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft",
+        f"cells, with their tests: {_named([f'{name} ({n})' for name, n in of_cell.items()])}",
+        "Look at cells, kinds, temperatures, roles, rating and cut-offs; write the chemistry.",
         *[f"to be filled in, {what}: {_named(names)}" for what, names in unknown.items() if names],
         f"next: ./run cellwright check {shlex.quote(str(folder))}",
     ]
@@ -178,10 +183,23 @@ def _cell_of(path, common, folder):
     """Name of the cell of a file, see `draft`."""
     inner = [_cell_words(part) for part in reversed(path.relative_to(common).parent.parts)]
     outer = [_cell_words(part) for part in reversed(common.relative_to(folder.parent).parts)]
-    words = BLANKS.split(path.name.split(".")[0])
-    kinds = [k for k, word in enumerate(words) if NO_CELL.fullmatch(word) and k]
-    begins = "" if NO_CELL.fullmatch(words[0]) else "_".join(words[: min(kinds, default=1)])
+    begins = _cell_begins(BLANKS.split(SUFFIXES.sub("", path.name)))
     return _plain(next(filter(None, (*inner, begins, *outer)), "cell"))
+
+
+def _cell_begins(words):
+    """What of a file's name names its cell: words before the first kind; a `#3` before it, too."""
+    if NO_CELL.fullmatch(words[0]):
+        return ""
+    numbers = list(takewhile(NUMBER.fullmatch, dropwhile(_names_cell, words)))
+    named = list(takewhile(_names_cell, words))
+    last = max((k for k, word in enumerate(numbers, 1) if word.startswith("#")), default=0)
+    begins = (named if len(named) < len(words) else words[:1]) + numbers[:last]
+    return "_".join(word.strip("#") for word in begins)
+
+
+def _names_cell(word):
+    return not NO_CELL.fullmatch(word)
 
 
 def _cell_words(name):
@@ -214,7 +232,7 @@ def _row(cell, path, place, kind, seen):
     others = ", ".join(name for name, _ in seen.kinds if name != kind)
     return {
         "cell": cell,
-        "test": _plain(path.name.split(".")[0]),
+        "test": _plain(SUFFIXES.sub("", path.name)),
         "kind": kind,
         "file": place,
         "ambient_temperature_celsius": "" if warm is None else f"{warm:.0f}",

@@ -131,12 +131,22 @@ def drafted(folder, *places, kind="capacity", volt=0.0):
         (("25degC/A7_cap.csv", "0degC/A7_cap.csv"), ["A7", "A7"]),
         (("raw/A7_capacity_25C.csv", "raw/B 2 ocv.csv"), ["A7", "B"]),
         (("hppc/0C_1C.csv", "rate/25C.csv"), ["Maker"] * 2),
+        (("LF 26650 #3 cap #2.csv", "LF 26650 #4 0.5C.csv"), ["LF_26650_3", "LF_26650_4"]),
+        (("M50 #1 0degC.csv", "M50T #2.csv"), ["M50_1", "M50T_2"]),
     ],
 )
 def test_a_cell_is_named_by_what_is_no_temperature_and_no_test(tmp_path, places, cells):
     _, tests, _ = drafted(tmp_path / "Maker", *places)
     found = {row["file"]: row["cell"] for row in tests}
     assert [found[place] for place in places] == cells
+
+
+@pytest.mark.parametrize(
+    ("file", "test"),
+    [("A7 0.5C.bdf.csv.gz", "A7_0_5C"), ("A7 0.2C.001", "A7_0_2C"), ("A7 #1.csv", "A7_1")],
+)
+def test_a_point_in_a_name_begins_no_suffix(tmp_path, file, test):
+    assert drafted(tmp_path, file)[1][0]["test"] == test
 
 
 @pytest.mark.parametrize(
