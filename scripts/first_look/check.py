@@ -146,6 +146,7 @@ def _capacities(found):
     rows = found.to_frame()
     return ", ".join(
         f"{row.capacity_ampere_hour:.4g} Ah {row.direction} at {row.c_rate:.3g} C"
+        + (f" (in doubt: {row.doubt})" if row.doubt else "")
         for row in rows.itertuples()
     )
 

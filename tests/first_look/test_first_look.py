@@ -11,9 +11,10 @@ import pytest
 from cycler_texts import HOUR, RECORDS, text_of
 
 import cellwright as cw
-from cellwright.records.kinds import likely_kinds
+from cellwright.records.kinds import likely_kinds, whole_charge
 from first_look import sheets as first_sheets
 from first_look.__main__ import main
+from first_look.one_file import celsius
 from runtime import artefact
 
 
@@ -35,6 +36,33 @@ def test_kinds_by_their_steps(kind):
     )
     steps = cw.segment(series.columns).rows._asdict()
     assert likely_kinds(steps)[0][0] == kind
+
+
+def test_two_charges_joined_by_a_discharge_that_was_not_logged_are_no_whole_one():
+    """The largest of few half cycles is whole, for nothing tells more."""
+    assert whole_charge(np.array([2.0, -2.1, 2.0, -2.0, 4.1, -1.9])) == 2.1
+    assert whole_charge(np.array([2.0, -0.4])) == 2.0
+    assert whole_charge(np.zeros(0)) == 0.0
+
+
+def test_a_cell_that_loads_warm_tells_its_surroundings_where_it_is_coolest():
+    warm = np.r_[np.full(20, 24.0), np.full(80, 33.0)]
+    assert celsius({"surface_temperature_celsius": warm}) == 24.0
+    assert celsius({"ambient_temperature_celsius": warm}) == 33.0
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "wanted"),
+    [
+        ("A7 aging 2.csv", ["capacity", "ageing"], ("ageing", "")),
+        ("A7_ageing.csv", ["drive", "hppc"], ("drive", "ageing")),
+        ("A7 HPPC.csv", ["pulse_resistance"], ("hppc", "")),
+        ("A7 US06.csv", ["drive"], ("drive", "")),
+        ("A7 cap.csv", [], ("", "capacity")),
+    ],
+)
+def test_a_name_chooses_among_the_kinds_that_the_steps_allow(name, kinds, wanted):
+    assert first_sheets._kind_of(name, kinds) == wanted
 
 
 def test_inspect_says_what_a_file_holds(tmp_path, capsys):
@@ -95,8 +123,8 @@ def test_inspect_goes_on_after_a_file_that_is_refused(tmp_path, capsys):
 
 def test_init_drafts_sheets_and_overwrites_none(tmp_path, capsys):
     for cell in ("A7", "B2"):
-        for kind, celsius in (("capacity", "25degC"), ("ocv", "n10C")):
-            (tmp_path / f"{cell}_{kind}_{celsius}.csv").write_text(text_of(*RECORDS[kind]))
+        for kind, degree in (("capacity", "25degC"), ("ocv", "n10C")):
+            (tmp_path / f"{cell}_{kind}_{degree}.csv").write_text(text_of(*RECORDS[kind]))
     (tmp_path / "readme.txt").write_text("see the paper\n")
     assert main(["init", str(tmp_path)]) == 0
     assert "left out: readme.txt: " in capsys.readouterr().out
@@ -133,6 +161,7 @@ def drafted(folder, *places, kind="capacity", volt=0.0):
         (("hppc/0C_1C.csv", "rate/25C.csv"), ["Maker"] * 2),
         (("LF 26650 #3 cap #2.csv", "LF 26650 #4 0.5C.csv"), ["LF_26650_3", "LF_26650_4"]),
         (("M50 #1 0degC.csv", "M50T #2.csv"), ["M50_1", "M50T_2"]),
+        (("S001_C10.csv", "S002_C10.csv"), ["S001", "S002"]),
     ],
 )
 def test_a_cell_is_named_by_what_is_no_temperature_and_no_test(tmp_path, places, cells):
