@@ -13,6 +13,7 @@ import numpy as np
 
 import cellwright as cw
 from cellwright.messages import Said, listed
+from cellwright.protocols.resistance import pulse_steps
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
 from runtime import campaign_check, raw_files, sheets
@@ -127,11 +128,19 @@ def _yields(series, steps, cell, row, config) -> list[Said]:
     if kind == "ica":
         said += _tried("dQ/dV", lambda: f"a charge at {cw.ica(series, steps).c_rate:.3g} C")
     if kind in PULSE_KINDS:
-        pulses = np.count_nonzero(steps.rows.kind == "pulse")
-        said.append(Said(f"pulses: {pulses}") if pulses else Said("no pulse", NOTHING))
+        said.append(_pulses(steps.rows))
     if kinds and kind not in kinds and any(words.code == NOTHING for words in said):
         said.append(Said(f"its steps look like those of kind {' or '.join(kinds)}"))
     return said
+
+
+def _pulses(steps) -> Said:
+    """How many loads of a record tell a resistance."""
+    number = len(pulse_steps(steps))
+    if not number:
+        return Said("no pulse, and no load from rest", NOTHING)
+    brief = np.any(steps.kind == "pulse")
+    return Said(f"pulses: {number}" if brief else f"no pulse; loads from rest: {number}")
 
 
 def _tried(what, step) -> list[Said]:

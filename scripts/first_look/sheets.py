@@ -44,8 +44,8 @@ NO_CELL = re.compile(
 )
 # Words of files' names that tell a kind, of those that the steps allow.
 NAMED = {
-    "hppc": r"hppc",
-    "ocv": r"p?ocv|gitt",
+    "hppc": r"hppc|gitt|pulses?",
+    "ocv": r"p?ocv",
     "ageing": r"age?ing|cycling",
     "capacity": r"cap(acity)?",
     "ica": r"ica",

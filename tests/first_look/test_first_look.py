@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from cycler_texts import HOUR, RECORDS, text_of
 
 import cellwright as cw
 from cellwright.records.kinds import likely_kinds, whole_charge
+from first_look import check
 from first_look import sheets as first_sheets
 from first_look.__main__ import main
 from first_look.one_file import celsius
@@ -36,6 +38,16 @@ def test_kinds_by_their_steps(kind):
     )
     steps = cw.segment(series.columns).rows._asdict()
     assert likely_kinds(steps)[0][0] == kind
+
+
+def test_a_titration_has_no_slow_branch_and_is_fitted_as_pulses():
+    """Loads of ten minutes, each before a rest of an hour."""
+    time = np.arange(0.0, 12 * 4200.0, 10.0)
+    current = np.where((time % 4200 < 600) & (time > 4200), -2.0, 0.0)
+    record = dict(zip(SERIES, (time, current, 4.1 - 1e-5 * time + 0.05 * current), strict=True))
+    steps = cw.segment(cw.clean(record).columns).rows._asdict()
+    assert [kind for kind, _ in likely_kinds(steps)] == ["hppc"]
+    assert "loads from rest: 11" in check._pulses(SimpleNamespace(**steps))
 
 
 def test_two_charges_joined_by_a_discharge_that_was_not_logged_are_no_whole_one():

@@ -72,8 +72,8 @@ def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) 
     if pulses >= MANY_PULSES and _span(steps, "pulse") >= LEAST_SPAN * capacity > 0:
         found.append(("hppc", f"{pulses} pulses over {_span(steps, 'pulse'):.3g} Ah"))
     parts = _titration(steps, capacity)
-    if parts:
-        found.append(("ocv", f"{parts} parts of a charge or discharge, each with a long rest"))
+    if parts and not found:
+        found.append(("hppc", f"{parts} parts of a charge or discharge, each with a long rest"))
     full = np.abs(moved) >= FULL_SHARE * capacity
     if not found and capacity > 0:
         found += _of_cycles(moved[full], np.abs(current[full]) / capacity)
