@@ -4,13 +4,15 @@ import csv
 import hashlib
 import re
 import shlex
+from collections import Counter
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import yaml
 
-from cellwright.records.kinds import half_cycles
+from cellwright.records.kinds import half_cycles, whole_charge
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
 from runtime.campaign_check import files_below
@@ -32,7 +34,7 @@ BARE = re.compile(r"(?<![A-Za-z\d.])()(0|[1-9]\d)(?:\.0)?_?C(?![A-Za-z])")
 BLANKS = re.compile(r"[_\s]+")
 # Words that name no cell: temperatures, rates, numbers, dates, kinds of test, drives, folders.
 NO_CELL = re.compile(
-    r"[nm+-]?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d+|"
+    r"([n+-]|(?-i:m))?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d{1,2}|"
     r"(slow|full|quasi)?-?(dis)?ch(arge|g)?s?|cap(acity)?|cyc(le|ling)?s?\d*|(c-?)?rates?|"
     r"p?ocv|hppc|gitt|pitt|dcir|dyn(amic)?|pulses?|eis|peis|geis|ica|impedance|spectr(a|um)|"
     r"drives?|udds|us06|hwfet|hwcust|la92|wltp|wltc|nedc|fuds|dst|bjdst|nn|mixed\d*|random\d*|"
@@ -40,7 +42,16 @@ NO_CELL = re.compile(
     r"tests?\d*|files?|csv|txt|exports?|results?|temp(erature)?|start|end|validation|fit",
     re.IGNORECASE,
 )
+# Words of files' names that tell a kind, of those that the steps allow.
+NAMED = {
+    "hppc": r"hppc|gitt|pulses?",
+    "ocv": r"p?ocv",
+    "ageing": r"age?ing|cycling",
+    "capacity": r"cap(acity)?",
+    "ica": r"ica",
+}
 NUMBER = re.compile(r"#?\d+")
+SUFFIXES = re.compile(r"(\.[A-Za-z]\w*|\.\d{3})+$")  # .bdf.csv.gz and Maccor's .001, not .5C
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
 SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
@@ -125,10 +136,12 @@ def write(folder) -> list[str]:
         ],
         "ambient_temperature_celsius": cold,
     }
+    of_cell = Counter(row["cell"] for row in tests)
     return [
         *unused,
-        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft. Look at the names of",
-        "cells, kinds, temperatures, roles and cut-offs; write chemistry and rating of the cells.",
+        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft",
+        f"cells, with their tests: {_named([f'{name} ({n})' for name, n in of_cell.items()])}",
+        "Look at cells, kinds, temperatures, roles, rating and cut-offs; write the chemistry.",
         *[f"to be filled in, {what}: {_named(names)}" for what, names in unknown.items() if names],
         f"next: ./run cellwright check {shlex.quote(str(folder))}",
     ]
@@ -145,26 +158,31 @@ def _named(names):
 
 def _take(found, path, place, cell, seen):
     """Add what one file holds."""
-    kind = _kind_of(path.name, [name for name, _ in seen.kinds])
+    kind, named = _kind_of(path.name, [name for name, _ in seen.kinds])
     if seen.series:
         volt = seen.series["voltage_volt"]
         low, high = float(np.nanmin(volt)), float(np.nanmax(volt))
         found.highest_volt[cell] = max(found.highest_volt.get(cell, 0.0), high)
         if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            charge = float(np.abs(half_cycles(seen.steps)[0]).max(initial=0.0))
+            charge = whole_charge(half_cycles(seen.steps)[0])
             found.full.setdefault(cell, []).append(Full(low, high, charge, path.name))
     if kind:
         found.tests.append(_row(cell, path, place, kind, seen))
+        if named:
+            found.tests[-1]["note"] = f"its name says {named}, its steps do not"
     else:
         why = seen.refused or "its kind of test is not known from its steps"
         found.left_out.setdefault(why, []).append(place)
 
 
 def _kind_of(name, kinds):
-    """The likeliest kind; of pulses that of the file's name, for few over SoC are no less HPPC."""
-    if "hppc" in name.lower() and kinds[:1] == ["pulse_resistance"]:
-        return "hppc"
-    return kinds[0] if kinds else ""
+    """The kind that a file's name says, where its steps allow that, or else the likeliest; and what
+    the name says in vain. Few pulses over SoC are no less HPPC where the name says so."""
+    words = re.split(r"[\W_]+", name.lower())
+    named = [kind for kind, word in NAMED.items() if any(re.fullmatch(word, w) for w in words)]
+    allowed = {*kinds, "hppc"} if "pulse_resistance" in kinds[:1] else {*kinds}
+    agreed = [kind for kind in named if kind in allowed]
+    return next(iter((*agreed, *kinds)), ""), "" if agreed else " or ".join(named)
 
 
 def _common_folder(folder, paths):
@@ -178,10 +196,23 @@ def _cell_of(path, common, folder):
     """Name of the cell of a file, see `draft`."""
     inner = [_cell_words(part) for part in reversed(path.relative_to(common).parent.parts)]
     outer = [_cell_words(part) for part in reversed(common.relative_to(folder.parent).parts)]
-    words = BLANKS.split(path.name.split(".")[0])
-    kinds = [k for k, word in enumerate(words) if NO_CELL.fullmatch(word) and k]
-    begins = "" if NO_CELL.fullmatch(words[0]) else "_".join(words[: min(kinds, default=1)])
+    begins = _cell_begins(BLANKS.split(SUFFIXES.sub("", path.name)))
     return _plain(next(filter(None, (*inner, begins, *outer)), "cell"))
+
+
+def _cell_begins(words):
+    """What of a file's name names its cell: words before the first kind; a `#3` before it, too."""
+    if NO_CELL.fullmatch(words[0]):
+        return ""
+    numbers = list(takewhile(NUMBER.fullmatch, dropwhile(_names_cell, words)))
+    named = list(takewhile(_names_cell, words))
+    last = max((k for k, word in enumerate(numbers, 1) if word.startswith("#")), default=0)
+    begins = (named if len(named) < len(words) else words[:1]) + numbers[:last]
+    return "_".join(word.strip("#") for word in begins)
+
+
+def _names_cell(word):
+    return not NO_CELL.fullmatch(word)
 
 
 def _cell_words(name):
@@ -214,7 +245,7 @@ def _row(cell, path, place, kind, seen):
     others = ", ".join(name for name, _ in seen.kinds if name != kind)
     return {
         "cell": cell,
-        "test": _plain(path.name.split(".")[0]),
+        "test": _plain(SUFFIXES.sub("", path.name)),
         "kind": kind,
         "file": place,
         "ambient_temperature_celsius": "" if warm is None else f"{warm:.0f}",
