@@ -156,8 +156,8 @@ def _blind_to_temperature(models, record):
     if not blind:
         return []
     return [
-        f"{record.test}: {', '.join(blind)} simulated as at the one temperature of its tests, not at "
-        f"{celsius:.0f} °C, where its resistance is not known"
+        f"{record.test}: {', '.join(blind)} simulated as at the one temperature of its tests, "
+        f"not at {celsius:.0f} °C, where its resistance is not known"
     ]
 
 
