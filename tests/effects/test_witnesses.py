@@ -449,7 +449,9 @@ def test_an_effect_that_is_not_named_although_a_witness_shows_it():
     assert (witness.says, witness.named) == ("contradicts", False)
     assert witness.measured == pytest.approx(3.0)
     assert witness.implied == 1.0
-    assert witness.text.startswith("not named, although resistance 1 s into the pulse at 10 %")
+    assert witness.text.startswith(
+        "not named, although measured: resistance 1 s into the pulse at 10 %"
+    )
     assert not heard(pulses()), "what is flat shows nothing"
     assert not heard(pulses(lambda soc: 1.3 if soc < 0.2 else 1.0)), "too little for anyone to act"
     tied = entry("polarisation_soc", **straight(1.0)) | {"alternatives": ["resistance_soc"]}

@@ -1,6 +1,7 @@
 """SVG of figures: the same drawing in fewer characters."""
 
 import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -51,6 +52,32 @@ def test_a_figure_keeps_its_texts_its_provenance_and_what_is_referred_to():
     assert text.count("sans-serif") == 1
     placed = " ".join(re.findall(r' (?:d|x|y|transform)="([^"]*)"', text.partition("</style>")[2]))
     assert max(len(number.partition(".")[2]) for number in STEP.findall(placed)) == 1
+
+
+def test_a_colour_bar_of_a_map_is_a_picture_in_its_own_group_where_the_bar_is():
+    """Matplotlib draws a bar of many colours as a picture, and ends it with the next artist."""
+    figure, axes = style.subplots(1, 2)
+    for panel, top in zip(axes[0], (3.0, 9.0), strict=True):
+        shown = panel.pcolormesh(np.arange(4), np.arange(3), np.linspace(0, top, 6).reshape(2, 3))
+        panel.set(title=f"to {top:g}")
+    style.colour_bar(figure, shown, list(axes[0]), label="RMS [mV]")
+    text = svg.text_of(figure, description="")
+    root = ElementTree.fromstring(text)  # groups that a picture cut would not be well-formed
+    parents = {child: parent for parent in root.iter() for child in parent}
+    (picture,) = (one for one in root.iter() if one.tag.endswith("}image"))
+    around = []
+    while picture in parents:
+        around.append(picture := parents[picture])
+    series = [one for one in around if "data-s" in one.attrib]
+    assert len(series) == 1, "a picture of one series, in no other's group"
+    panels = [one.get("data-panel") for one in root.iter() if "data-panel" in one.attrib]
+    assert panels[:2] == ["to 3", "to 9"]
+    (look,) = re.findall(r"<image [^>]*>", text)
+    bar = figure.axes[-1].bbox
+    x, width = (float(re.search(rf' {name}="([^"]*)"', look)[1]) for name in ("x", "width"))
+    assert x == pytest.approx(bar.x0, abs=2.0)
+    assert width == pytest.approx(bar.width, abs=2.0)
+    assert "RMS [mV]" in text
 
 
 def test_a_spike_of_one_sample_is_drawn_as_high_as_it_is():

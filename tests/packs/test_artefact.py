@@ -143,10 +143,10 @@ def test_every_number_has_its_error_beside_it():
         ([], None, False, "the group has no test"),
         (
             group_rows(current_rmse_ampere=np.nan, voltage_rmse_volt=None),
-            *(None, False, "nothing of group_1C was logged"),
+            *(None, False, "group_1C logged no branch current or voltage"),
         ),
         (group_rows(), "group_1C", False, "fitted to part of group_1C"),
-        (group_rows(model="1RC"), None, False, "other members than those that stand here, of A, B"),
+        (group_rows(model="1RC"), None, False, "another model of A, B than the one given here"),
     ],
 )
 def test_a_pack_is_validated_by_a_test_that_no_model_was_fitted_to(rows, fitted, validated, why):

@@ -68,9 +68,11 @@ def test_the_truth_has_no_error_and_currents_sum_to_the_total():
 
 
 def test_a_cell_that_is_simulated_at_a_temperature_it_was_not_tested_at_is_told():
-    (said,) = [note for note in score(record(), celsius=10.0).notes if "no test tells" in note]
-    assert "resistance of A, B follows temperature" in said
-    assert "tested at, not 10 °C" in said
+    (said,) = [
+        note for note in score(record(), celsius=10.0).notes if "as at the one temperature" in note
+    ]
+    assert "A, B simulated as at the one temperature" in said
+    assert "not at 10 °C" in said
 
 
 def test_each_cell_runs_as_its_chosen_member():
@@ -92,7 +94,7 @@ def test_cells_run_at_the_temperature_that_was_logged_in_the_group():
     known = score(series | {"surface_temperature_celsius": warm}, models=active)
     unknown = score(series, models=active)
     assert known.rows[0]["voltage_rmse_volt"] < 5e-4 < unknown.rows[0]["voltage_rmse_volt"]
-    assert known.notes == ("cells at the group's measured temperature, 25 to 37 °C",)
+    assert known.notes == ("all cells simulated at the group's measured 25 to 37 °C",)
     # Logged at each cell instead, the cells have the mean.
     at_cells = {"cell_1_temperature_celsius": warm - 2.0, "cell_2_temperature_celsius": warm + 2.0}
     assert score(series | at_cells, models=active).rows[0]["voltage_rmse_volt"] < 5e-4
@@ -115,7 +117,7 @@ def test_cells_of_one_temperature_share_an_activation_energy():
     lent, (words,) = of_one_activation_energy([MODELS[0], own[1]])
     energy = lent[0]["members"][0]["conditions"][0]["activation_energy_joule_per_mole"]
     assert (energy, lent[1]) == (50e3, own[1])
-    assert "no test tells" in words
+    assert "the mean of the group's other cells" in words
 
 
 DISCHARGE = np.where((TIME < 100) | (TIME >= 4600), 0.0, -2.6)
@@ -211,7 +213,7 @@ def test_what_a_model_was_fitted_to_is_not_scored():
     np.testing.assert_array_equal(scored.series["scored"], ~seen)
     assert scored.rows[0]["current_max_ampere"] < 1e-9
     assert scored.rows[0]["samples"] == (~seen).sum()
-    assert scored.notes == (f"{seen.mean():.0%} of the record was fitted and is not scored",)
+    assert scored.notes == (f"{seen.mean():.0%} of the record was fitted, and is not scored",)
     other = score(series, models=fitted(1000.0, 3000.0, test="another"))
     assert other.series["scored"].all()
     with pytest.raises(Refusal, match="nothing is left to score"):
@@ -220,7 +222,7 @@ def test_what_a_model_was_fitted_to_is_not_scored():
 
 def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():
     scored = score(record(), branches(soc=[None, None]))
-    assert scored.notes[0] == "SoC at the start from the group's first voltage"
+    assert scored.notes[0] == "SoC at the start read from the group's rest voltage"
     assert scored.rows[0]["current_rmse_ampere"] < 2e-3
     mixed = score(record(soc=[0.8, 0.9]), branches(soc=[0.8, None]))
     assert mixed.series["simulated_voltage_volt"][0] == pytest.approx(
@@ -267,7 +269,7 @@ def test_a_branch_that_was_not_logged_is_the_total_less_the_others():
     lacking = {k: v for k, v in series.items() if k != "branch_2_current_ampere"}
     scored = score(lacking)
     assert scored.rows[1]["current_rmse_ampere"] < 1e-9
-    words = "current of B not logged: the total less the others, no measurement"
+    words = "current of B not logged: taken as the total minus the other branches"
     assert words in scored.notes
     alone = {k: v for k, v in lacking.items() if k != "branch_1_current_ampere"}
     scored = score(alone)
@@ -309,7 +311,7 @@ def test_where_no_temperature_was_logged_cells_warm_by_their_own_heat():
 
 def test_branch_currents_have_intervals_where_it_is_known_how_sure_the_cells_are():
     found = score(record(), uncertainty=uncertainty_of(MODELS, [None, None]))
-    assert "no intervals: nothing tells how sure the model of A, B is" in found.notes
+    assert "no intervals: the error of the model of A, B is not known" in found.notes
     assert np.isnan(found.rows[0]["current_interval_ampere"])
     known = [with_left_out(model) for model in MODELS]
     found = score(record(), models=known, uncertainty=uncertainty_of(known, [None, None]))

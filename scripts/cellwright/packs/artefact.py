@@ -178,11 +178,11 @@ def _why_not_validated(tests):
         return "the group has no test"
     names = ", ".join(test["test"] for test in tests)
     if not any(test["scored"] for test in tests):
-        return f"nothing of {names} was logged that could be compared"
+        return f"{names} logged no branch current or voltage to compare with"
     if all(test["fitted"] for test in tests):
-        return f"its models were fitted to part of {names}; errors are those of the rest"
+        return f"its models were fitted to part of {names}; the errors are of the remaining part"
     others = ", ".join(dict.fromkeys(cell for test in tests for cell in test["other_member"]))
-    return f"{names} simulated with other members than those that stand here, of {others}"
+    return f"{names} was simulated with another model of {others} than the one given here"
 
 
 def tree_of(wiring):

@@ -100,7 +100,7 @@ def refuse_contradiction(record, wiring):
     left = rms(missed - np.median(missed))
     if left > CONTRADICTION * size:
         said = [found.sentence for found in channel_findings(record, wiring) if found.found]
-        sums = f"its branch currents miss the total by {left:.3g} A of {size:.3g} A RMS"
+        sums = f"its branch currents miss the total by {left:.3g} A RMS, of {size:.3g} A in all"
         raise Refusal("; ".join([f"{record.test}: {sums}", *said]))
 
 
@@ -121,7 +121,7 @@ def _parallel(currents, total):
     logged = np.isfinite(currents).any(axis=0)
     rows = np.isfinite(currents[:, logged]).all(axis=1) & np.isfinite(total)
     if rows.sum() < 10 or not rms(total[rows]) > 0:
-        return [Finding("sum", sentence="too few rows with a current to add its branches up")]
+        return [Finding("sum", sentence="too few rows with a current to add up the branches")]
     currents, total = currents[rows], total[rows]
     if not logged.all():
         return [_partly_logged(currents, total, logged)]
@@ -140,11 +140,11 @@ def _partly_logged(currents, total, logged):
     names, limit = " and ".join(map(str, silent)), SILENT / len(logged)
     share = rms(currents[:, logged].sum(axis=1) - total) / rms(total)
     if share > limit * len(silent):
-        text = f"no current of branch {names} was logged, so the sum checks no sensor"
+        text = f"the current of branch {names} was not logged, so no sum can check the sensors"
         return Finding("sum", sentence=text)
     text = (
-        f"the logged branches carry the whole total by themselves (left over {share:.2%}): "
-        f"branch {names} of groups.tsv is not connected"
+        f"the logged branches add up to the total without branch {names} (all but {share:.2%}): "
+        f"branch {names} of groups.tsv carries no current, as if it were not connected"
     )
     return Finding("absent", silent[0], share, np.nan, limit, "of the total", True, text)
 
@@ -158,10 +158,10 @@ def _silent(currents, total):
             continue
         others = np.delete(currents, k, axis=1).sum(axis=1) - total
         alone = rms(others) <= SILENT * rms(total)
-        why = f"the others leave {rms(others):.3g} A RMS of the total: its sensor is dead"
+        why = f"the others miss the total by {rms(others):.3g} A RMS, so its sensor is dead"
         if alone:
-            why = "the others carry the whole total: it is open or its cell is missing"
-        text = f"branch {k + 1} carries {size:.2%} of its share; {why}"
+            why = "the others add up to the total, so it is open or its cell is missing"
+        text = f"branch {k + 1} reads {size:.2%} of an equal share of the total; {why}"
         check = "absent" if alone else "silent"
         yield Finding(check, k + 1, size, np.nan, SILENT, "of its share", True, text)
 
@@ -173,7 +173,7 @@ def _wrong_sensor(currents, total, left):
     for k, (factor, words) in product(range(currents.shape[1]), UNITS.items()):
         rest = left - (1.0 - 1.0 / factor) * currents[:, k]
         if rms(rest) < 0.1 * rms(left):
-            text = f"branch {k + 1} alone explains what the sum leaves over: {words}"
+            text = f"branch {k + 1} alone explains why the sum misses the total: {words}"
             return [Finding("unit", k + 1, factor, unit="times", found=True, sentence=text)]
     return []
 
@@ -229,8 +229,8 @@ def _sum_line(currents, total, left):
     members = currents.shape[1]
     words = (
         "the branch currents add up to {:+.3g} A more than the total",
-        "the branch currents add up to {:+.2%} of the total too much, of one branch or several: "
-        "the record does not tell which",
+        "the branch currents add up to {:+.2%} more than the total; one branch reads wrong or "
+        "several, which the record does not show",
     )
     limit = SENSOR_CLASS * rms(total) / members * np.sqrt(members)
     offset, finding = _offset_and_gain("sum", None, _line(total, left), limit, words)
@@ -240,7 +240,7 @@ def _sum_line(currents, total, left):
         # What is left over is slope · reading: reading = (1 + gain) · truth gives the gain.
         slope, slope_std = (pair[1] for pair in _line(currents[:, branch], left))
         gain, std = 1.0 / (1.0 - slope) - 1.0, slope_std / (1.0 - slope) ** 2
-        text = f"branch {branch + 1} reads {gain:+.2%} ± {std:.2%} too much"
+        text = f"branch {branch + 1} reads {gain:+.2%} ± {std:.2%} off"
         finding = finding._replace(branch=branch + 1, value=gain, std=std, sentence=text)
     yield finding
 
@@ -294,8 +294,8 @@ def _series_currents(record):
         if rows.sum() < 10 or not rms(total[rows]) > 0:
             continue
         one, whole = currents[rows, k], total[rows]
-        steady, said = _steady(whole), f"the current of member {k + 1}, in series, is"
-        words = f"{said} {{:+.3g}} A off the total", f"{said} {{:+.2%}} off the total"
+        steady, said = _steady(whole), f"the current logged at member {k + 1} of the series is"
+        words = f"{said} {{:+.3g}} A off the pack's", f"{said} {{:+.2%}} off the pack's"
         line = _line(whole[steady], (one - whole)[steady])
         yield from _offset_and_gain("current", k + 1, line, SENSOR_CLASS * rms(whole), words)
 
@@ -307,7 +307,7 @@ def _series_voltages(record, wiring):
         return
     missing = [str(k + 1) for k in np.flatnonzero(~np.isfinite(cells).any(axis=0))]
     if missing:
-        text = f"no voltage of cell {', '.join(missing)} was logged: no sum to check"
+        text = f"the voltage of cell {', '.join(missing)} was not logged, so the sum is not checked"
         yield Finding("voltage_sum", sentence=text)
         return
     rows = np.isfinite(cells).all(axis=1) & np.isfinite(pack)
@@ -322,8 +322,8 @@ def _series_voltages(record, wiring):
     limit = max(SIGMAS * ohm_std, 0.2 * stated)
     off = bool(ohm < -SIGMAS * ohm_std or (stated and abs(ohm - stated) > limit))
     text = (
-        f"between cells and pack lie {1e3 * ohm:.3g} ± "
-        f"{1e3 * ohm_std:.2g} mΩ; groups.tsv states {1e3 * stated:.3g} mΩ"
+        f"the contacts between the cells measure {1e3 * ohm:.3g} ± "
+        f"{1e3 * ohm_std:.2g} mΩ together; groups.tsv states {1e3 * stated:.3g} mΩ"
     )
     yield Finding("contacts", None, ohm, ohm_std, stated, "Ω", off, text if off else "")
 
@@ -424,12 +424,12 @@ def _circles(member_of):
 
 
 def _swap(read, fitting, before, after, test, what):
-    of = "its share" if what == "branch" else "what its load moves it by"
+    of = "its share" if what == "branch" else "its change under load"
     pairs = zip(read, fitting, strict=True)
     fits = ", ".join(f"{what} {k} fits the model of {what} {other}" for k, other in pairs)
     text = (
-        f"{test}: swapped channels? What was read as {fits}: error {after:.1%} of {of} "
-        f"instead of {before:.1%}; nothing was swapped here"
+        f"{test}: swapped channels? What was logged as {fits}: exchanged, the error is {after:.1%} "
+        f"of {of} instead of {before:.1%}. They were used as logged; check groups.tsv or the wiring"
     )
     limit = SWAP_RATIO * before
     return Finding("swapped", int(read[0]), after, np.nan, limit, f"of {of}", True, text)

@@ -129,8 +129,8 @@ def of_one_activation_energy(models):
     if told and any(lacking):
         mean = float(np.mean(told))
         names = ", ".join(m["cell"] for m, one in zip(models, lacking, strict=True) if one)
-        words = f"{names}: no test tells how its resistance follows temperature; taken as "
-        words += f"{mean / 1e3:.0f} kJ/mol, the mean of the group's cells that tell it"
+        words = f"{names}: tested at one temperature, so the activation energy of its resistance "
+        words += f"is taken as {mean / 1e3:.0f} kJ/mol, the mean of the group's other cells"
         pairs = zip(models, lacking, strict=True)
         return [_with_energy(model, mean) if one else model for model, one in pairs], [words]
     single = [c[0] for c in entries if len(c) == 1 and c[0].get(ENERGY)]
@@ -139,8 +139,8 @@ def of_one_activation_energy(models):
         return models, []
     mean = float(np.mean(energies))
     words = (
-        f"activation energy {mean / 1e3:.0f} kJ/mol for all cells, the mean of what each tells "
-        f"from its own warming ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
+        f"activation energy {mean / 1e3:.0f} kJ/mol for all cells: the mean of the values that "
+        f"their self-heating gave ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
     )
     return [_with_energy(model, mean) for model in models], [words]
 
@@ -156,8 +156,8 @@ def _blind_to_temperature(models, record):
     if not blind:
         return []
     return [
-        f"{record.test}: no test tells how the resistance of {', '.join(blind)} follows "
-        f"temperature: simulated as at the one temperature it was tested at, not {celsius:.0f} °C"
+        f"{record.test}: {', '.join(blind)} simulated as at the one temperature of its tests, "
+        f"not at {celsius:.0f} °C, where its resistance is not known"
     ]
 
 
@@ -192,9 +192,9 @@ def _measured(record, branches, notes):
     if len(lacking) == 1:
         currents = currents.copy()
         currents[:, lacking[0]] = record.current_ampere - np.nansum(currents, axis=1)
-        notes.append(f"current of {names} not logged: the total less the others, no measurement")
+        notes.append(f"current of {names} not logged: taken as the total minus the other branches")
     elif len(lacking):
-        notes.append(f"currents of {names} not logged and not scored")
+        notes.append(f"currents of {names} were not logged, so they are not scored")
     return currents
 
 
@@ -204,7 +204,7 @@ def _table_celsius(facts, record, notes):
     if high - low < 0.1:  # one reading of a thermometer of tenths
         return stated_or_reference(facts.ambient_temperature_celsius)
     # ASSUME: All cells of a group have the temperature that was logged in it.
-    notes.append(f"cells at the group's measured temperature, {low:.0f} to {high:.0f} °C")
+    notes.append(f"all cells simulated at the group's measured {low:.0f} to {high:.0f} °C")
     return np.arange(np.floor(low), np.ceil(high) + 5.0, 5.0)
 
 
@@ -220,7 +220,7 @@ def _initial_soc(stated, cells, wiring, record, notes):
     refuse_start_under_load(record)
     # ASSUME: A group that starts at rest without a stated SoC is at equilibrium: the OCV of every
     # cell is the group's first voltage.
-    notes.append("SoC at the start from the group's first voltage")
+    notes.append("SoC at the start read from the group's rest voltage")
     looked_up = _soc_at(cells, record, record.voltage_volt[0])
     return np.array([v if s is None else s for s, v in zip(stated, looked_up, strict=True)])
 
@@ -235,7 +235,7 @@ def _tells_intervals(models, uncertainty, notes):
     """Whether it is known how sure every cell's model is."""
     unknown = [model["cell"] for model in models if not is_known(model)]
     if uncertainty is not None and unknown:
-        notes.append(f"no intervals: nothing tells how sure the model of {', '.join(unknown)} is")
+        notes.append(f"no intervals: the error of the model of {', '.join(unknown)} is not known")
     return uncertainty is not None and not unknown
 
 
@@ -287,7 +287,7 @@ def _counted_back(fitted, record, offset, cells, notes):
     time = record.test_time_second
     before = time <= fitted["from_second"]
     passed = passed_ampere_hour(time[before], record.member_current_ampere[before] - offset)
-    notes.append(f"SoC counted from 0 at {fitted['from_second']:.0f} s, as in the fit of the cells")
+    notes.append(f"SoC is 0 at {fitted['from_second']:.0f} s, where the fit of the cells began")
     return -passed.sum(axis=0) / cells.capacity_ampere_hour
 
 
@@ -303,7 +303,7 @@ def _offset(fits, stated, record, notes):
     if not offset.any():
         return offset
     listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
-    notes.append(f"offsets of the branch sensors [mA], read in a rest and taken out: {listed}")
+    notes.append(f"offsets of the branch sensors, read at rest and subtracted [mA]: {listed}")
     return offset
 
 
@@ -326,7 +326,7 @@ def _unseen(models, record, notes):
     if not unseen.any():
         raise Refusal("the models were fitted to the whole record: nothing is left to score")
     if not unseen.all():
-        notes.append(f"{np.mean(~unseen):.0%} of the record was fitted and is not scored")
+        notes.append(f"{np.mean(~unseen):.0%} of the record was fitted, and is not scored")
     return unseen
 
 

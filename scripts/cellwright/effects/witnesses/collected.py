@@ -194,9 +194,9 @@ def _of_named(one, effect, entry, values):
     # A reading without a deviation of its own cannot contradict a size that allows for it.
     allowed = not stated and np.isfinite(doubt) and abs(one.value - value) <= DEVIATIONS * doubt
     if agrees and alike:
-        word, text = SILENT, f"{text}: as near to no such effect"
+        word, text = SILENT, f"{text}: it fits no effect just as well"
     elif allowed and not agrees:
-        word, text = SILENT, f"{text}: within its deviation"
+        word, text = SILENT, f"{text}: within two deviations of the verdict, its own is not known"
     elif shown and not agrees:
         text += ": the effect is there, with another size"
     numbers = (one.value, value, one.unit, std)
@@ -233,6 +233,6 @@ def _of_unnamed(one, effects):
     """Witness of the most general of the effects that would show in a measurement."""
     effect = max(effects, key=lambda effect: len(effect.parameters))
     said = in_words(one.value, one.unit, one.std)
-    text = f"not named, although {one.words} is {said}"
+    text = f"not named, although measured: {one.words} {said}"
     numbers = (one.value, one.neutral, one.unit, one.std)
     return Witness(one.name, effect.id, False, CONTRADICTS, *numbers, True, text)
