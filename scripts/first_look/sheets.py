@@ -60,7 +60,10 @@ SHOWN = 5  # files or names that are named
 
 
 class Full(NamedTuple):
-    """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge."""
+    """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge.
+
+    An end that no load led to is infinite: of a discharge alone, the upper cut-off is not known.
+    """
 
     low_volt: float
     high_volt: float
@@ -131,11 +134,11 @@ def write(folder) -> list[str]:
         (config / "config.yaml").write_text(title, encoding="utf-8")
     cold = [f"{row['cell']} {row['test']}" for row in tests if _lacks_temperature(row)]
     unknown = {
-        "cut-offs (no full test reaches them)": [
-            row["cell"] for row in cells if "upper_cutoff_volt" not in row
-        ],
-        "ambient_temperature_celsius": cold,
-    }
+        f"{side} cut-off (no full test reaches them)": [
+            row["cell"] for row in cells if f"{side}_cutoff_volt" not in row
+        ]
+        for side in ("lower", "upper")
+    } | {"ambient_temperature_celsius": cold}
     of_cell = Counter(row["cell"] for row in tests)
     return [
         *unused,
@@ -164,8 +167,9 @@ def _take(found, path, place, cell, seen):
         low, high = float(np.nanmin(volt)), float(np.nanmax(volt))
         found.highest_volt[cell] = max(found.highest_volt.get(cell, 0.0), high)
         if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            charge = whole_charge(half_cycles(seen.steps)[0])
-            found.full.setdefault(cell, []).append(Full(low, high, charge, path.name))
+            moved = half_cycles(seen.steps)[0]
+            ends = low if np.any(moved < 0) else np.inf, high if np.any(moved > 0) else -np.inf
+            found.full.setdefault(cell, []).append(Full(*ends, whole_charge(moved), path.name))
     if kind:
         found.tests.append(_row(cell, path, place, kind, seen))
         if named:
@@ -271,11 +275,12 @@ def _cell(name, found):
     row, full = {"cell": name}, found.full.get(name)
     if not full:
         return row
-    low = round(min(test.low_volt for test in full) / STEP_VOLT)
+    low = np.round(min(test.low_volt for test in full) / STEP_VOLT)
     high = np.ceil((max(test.high_volt for test in full) - OVERSHOOT_VOLT) / STEP_VOLT)
-    # Where another test goes beyond, no full one went to the end.
-    if found.highest_volt[name] < (high + 1) * STEP_VOLT:
+    if np.isfinite(low):
         row["lower_cutoff_volt"] = f"{max(low * STEP_VOLT, 0.0):.2f}"
+    # Where another test goes beyond, no full one went to the end.
+    if np.isfinite(high) and found.highest_volt[name] < (high + 1) * STEP_VOLT:
         row["upper_cutoff_volt"] = f"{high * STEP_VOLT:.2f}"
     largest = max(full, key=lambda test: test.charge_ampere_hour)
     if largest.charge_ampere_hour > 0:

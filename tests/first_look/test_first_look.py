@@ -226,6 +226,10 @@ def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {})
     assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
     assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
+    discharge = [first_sheets.Full(3.0, -np.inf, 2.0, "a")]
+    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {})
+    drafted = first_sheets._cell("A", found)
+    assert (drafted["lower_cutoff_volt"], "upper_cutoff_volt" in drafted) == ("3.00", False)
     slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
     found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {})
     assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
