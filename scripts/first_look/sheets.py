@@ -56,6 +56,7 @@ WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off t
 SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
 OVERSHOOT_VOLT = 0.01  # by which a reading may lie beyond the cut-off that stopped the tester
+ALIKE = 0.95  # of the largest charge of a cell, from which another may be of its type
 SHOWN = 5  # files or names that are named
 
 
@@ -106,8 +107,9 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
             continue
         _take(found, path, place, _cell_of(path, common, folder), seen)
     _propose_roles(found.tests)
-    cells = dict.fromkeys(row["cell"] for row in found.tests)
-    return [_cell(name, found) for name in cells], _unique(found.tests), found.left_out
+    cells = [_cell(name, found) for name in dict.fromkeys(row["cell"] for row in found.tests)]
+    _propose_ratings(cells, {name: _largest(full) for name, full in found.full.items()})
+    return cells, _unique(found.tests), found.left_out
 
 
 def write(folder) -> list[str]:
@@ -268,10 +270,7 @@ def _celsius_in(names):
 
 
 def _cell(name, found):
-    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass.
-
-    The rating is the largest charge of a half cycle, to two digits, which the note says.
-    """
+    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass."""
     row, full = {"cell": name}, found.full.get(name)
     if not full:
         return row
@@ -282,12 +281,25 @@ def _cell(name, found):
     # Where another test goes beyond, no full one went to the end.
     if np.isfinite(high) and found.highest_volt[name] < (high + 1) * STEP_VOLT:
         row["upper_cutoff_volt"] = f"{high * STEP_VOLT:.2f}"
-    largest = max(full, key=lambda test: test.charge_ampere_hour)
-    if largest.charge_ampere_hour > 0:
-        charge = largest.charge_ampere_hour
-        row["rated_capacity_ampere_hour"] = f"{float(f'{charge:.2g}'):g}"
-        row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {largest.test}"
     return row
+
+
+def _largest(full):
+    """The test that moved the largest charge in a half cycle."""
+    return max(full, key=lambda test: test.charge_ampere_hour)
+
+
+def _propose_ratings(cells, largest):
+    """The largest charge of a half cycle to two digits, of cells that are alike one rating."""
+    told = [row for row in cells if row["cell"] in largest]
+    first = np.inf
+    for row in sorted(told, key=lambda row: -largest[row["cell"]].charge_ampere_hour):
+        test = largest[row["cell"]]
+        charge = test.charge_ampere_hour
+        first = first if charge >= ALIKE * first else charge
+        if charge > 0:
+            row["rated_capacity_ampere_hour"] = f"{float(f'{first:.2g}'):g}"
+            row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {test.test}"
 
 
 def _unique(tests):

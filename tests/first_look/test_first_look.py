@@ -221,6 +221,16 @@ def test_init_drafts_rating_cut_offs_title_and_the_next_command(tmp_path):
     assert lines[-1] == f"next: ./run cellwright check '{folder}'"
 
 
+def test_cells_that_move_nearly_the_same_charge_get_one_rating():
+    """Two digits of 2.752 and 2.748 Ah differ; those of another type stay another's."""
+    charges = {"A": 2.748, "B": 2.752, "C": 2.0, "D": 0.0}
+    cells = [{"cell": name} for name in charges]
+    largest = {name: first_sheets.Full(3.0, 4.2, charge, "a") for name, charge in charges.items()}
+    first_sheets._propose_ratings(cells, largest)
+    ratings = [row.get("rated_capacity_ampere_hour") for row in cells]
+    assert ratings == ["2.8", "2.8", "2", None]
+
+
 def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
     found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {})
