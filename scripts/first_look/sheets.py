@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
+from cellwright.records.conditions import SAME_CELSIUS
 from cellwright.records.kinds import half_cycles, whole_charge
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
@@ -76,13 +77,15 @@ class Found(NamedTuple):
     """What the files of a folder hold.
 
     tests : rows of tests.tsv. full : of each cell `Full` tests. highest_volt : of each cell in any.
-    left_out : reason → files.
+    left_out : reason → files. read_celsius : rows of tests whose temperature no name says, and what
+    their thermometers read [°C].
     """
 
     tests: list[dict]
     full: dict[str, list[Full]]
     highest_volt: dict[str, float]
     left_out: dict[str, list[str]]
+    read_celsius: list[tuple[dict, float]]
 
 
 def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
@@ -94,7 +97,7 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
     """
     folder = Path(folder).resolve()
     paths = [folder / file for file in files_below(folder)]
-    found, common = Found([], {}, {}, {}), _common_folder(folder, paths)
+    found, common = Found([], {}, {}, {}, []), _common_folder(folder, paths)
     for path in paths:
         place = path.relative_to(folder).as_posix()
         try:
@@ -106,6 +109,7 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
             found.left_out.setdefault(said, []).append(place)
             continue
         _take(found, path, place, _cell_of(path, common, folder), seen)
+    _propose_temperatures(found.read_celsius)
     _propose_roles(found.tests)
     cells = [_cell(name, found) for name in dict.fromkeys(row["cell"] for row in found.tests)]
     _propose_ratings(cells, {name: _largest(full) for name, full in found.full.items()})
@@ -173,9 +177,13 @@ def _take(found, path, place, cell, seen):
             ends = low if np.any(moved < 0) else np.inf, high if np.any(moved > 0) else -np.inf
             found.full.setdefault(cell, []).append(Full(*ends, whole_charge(moved), path.name))
     if kind:
-        found.tests.append(_row(cell, path, place, kind, seen))
+        row = _row(cell, path, place, kind, seen)
+        found.tests.append(row)
+        warm = celsius(seen.series)
+        if not row["ambient_temperature_celsius"] and warm is not None:
+            found.read_celsius.append((row, warm))
         if named:
-            found.tests[-1]["note"] = f"its name says {named}, its steps do not"
+            row["note"] = f"its name says {named}, its steps do not"
     else:
         why = seen.refused or "its kind of test is not known from its steps"
         found.left_out.setdefault(why, []).append(place)
@@ -245,16 +253,26 @@ def _propose_roles(tests):
         rows[0]["role"] = "fit" if len(rows) > 1 else "split"
 
 
+def _propose_temperatures(read):
+    """One temperature for tests whose thermometers read it within 5 K: that of a room drifts."""
+    read = sorted(read, key=lambda one: one[1])
+    while read:
+        alike = [one for one in read if one[1] <= read[0][1] + 2 * SAME_CELSIUS]
+        middle = np.median([degree for _, degree in alike])
+        for row, _ in alike:
+            row["ambient_temperature_celsius"] = f"{middle:.0f}"
+        read = read[len(alike) :]
+
+
 def _row(cell, path, place, kind, seen):
     named = _celsius_in([path.name, *reversed(Path(place).parent.parts)])
-    warm = celsius(seen.series) if named is None else named
     others = ", ".join(name for name, _ in seen.kinds if name != kind)
     return {
         "cell": cell,
         "test": _plain(SUFFIXES.sub("", path.name)),
         "kind": kind,
         "file": place,
-        "ambient_temperature_celsius": "" if warm is None else f"{warm:.0f}",
+        "ambient_temperature_celsius": "" if named is None else f"{named:.0f}",
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "note": f"could also be {others}" if others else "",
     }

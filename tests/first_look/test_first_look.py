@@ -221,6 +221,13 @@ def test_init_drafts_rating_cut_offs_title_and_the_next_command(tmp_path):
     assert lines[-1] == f"next: ./run cellwright check '{folder}'"
 
 
+def test_thermometers_of_one_room_draft_one_temperature():
+    read = [({}, degree) for degree in (26.6, 24.1, -9.0, 25.2, 40.0)]
+    first_sheets._propose_temperatures(read)
+    drafted = [row["ambient_temperature_celsius"] for row, _ in read]
+    assert drafted == ["25", "25", "-9", "25", "40"]
+
+
 def test_cells_that_move_nearly_the_same_charge_get_one_rating():
     """Two digits of 2.752 and 2.748 Ah differ; those of another type stay another's."""
     charges = {"A": 2.748, "B": 2.752, "C": 2.0, "D": 0.0}
@@ -233,15 +240,15 @@ def test_cells_that_move_nearly_the_same_charge_get_one_rating():
 
 def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
-    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {})
+    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {}, [])
     assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
     assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
     discharge = [first_sheets.Full(3.0, -np.inf, 2.0, "a")]
-    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {})
+    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {}, [])
     drafted = first_sheets._cell("A", found)
     assert (drafted["lower_cutoff_volt"], "upper_cutoff_volt" in drafted) == ("3.00", False)
     slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
-    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {})
+    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {}, [])
     assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
 
 
