@@ -273,50 +273,40 @@ def left_out(task, fit, conditions):
             for error, fold, record in zip(of_condition, folded, ready, strict=True):
                 here = fold == number
                 if here.any():
-                    missed = record.voltage_volt - _volt(task, particle, record)
-                    error[here] = missed[record.used][here]
+                    volt = _simulated(task, particle, record).voltage_volt
+                    error[here] = (record.voltage_volt - volt)[record.used][here]
     return [
         score_of(np.concatenate(blocks), np.concatenate(of_condition))
         for of_condition, (*_, blocks) in zip(errors, conditions, strict=True)
     ]
 
 
-def _volt(task, particle, record, **settings):
+def _simulated(task, particle, record, **settings):
     columns = record.test_time_second, record.current_ampere, record.soc, record.celsius
-    size = {"capacity_ampere_hour": task.capacity_ampere_hour}
-    simulated = run(particle, *columns, **size, **settings)
-    return simulated if settings else simulated.voltage_volt
+    return run(particle, *columns, capacity_ampere_hour=task.capacity_ampere_hour, **settings)
 
 
 def _walked(task, vector, *, steps, without=None):
     """Vector after damped steps, its cost, and the curvature of half of that there."""
     damping = 1e-2
+    # Nearly every try is taken: its derivatives are made at once.
     cost, precision, slope = _curved(task, vector, without)
     for _ in range(steps):
         for _ in range(MOST_TRIES):
             damped = precision + damping * np.diag(np.diag(precision))
             step = np.linalg.solve(damped, slope)
             tried = vector + np.clip(step, -FARTHEST * task.std, FARTHEST * task.std)
-            tried_cost = _cost(task, tried, without)
-            if tried_cost < cost:
+            end = _curved(task, tried, without)
+            if end[0] < cost:
                 break
             damping *= 4.0
         else:
             break
-        fell, vector, damping = cost - tried_cost, tried, max(damping / 5.0, LEAST_DAMPING)
-        cost, precision, slope = _curved(task, vector, without)
+        fell, vector, damping = cost - end[0], tried, max(damping / 5.0, LEAST_DAMPING)
+        cost, precision, slope = end
         if fell < SETTLED * cost:
             break
     return vector, cost, precision
-
-
-def _cost(task, vector, without):
-    particle = task.start._replace(vector=vector)
-    total = (vector - task.mean) @ task.precision @ (vector - task.mean)
-    for rows in task.rows:
-        error = _relative_error(rows, _volt(task, particle, rows.record))
-        total += rows.weight * _held_in(error[_kept(rows, without)]).sum()
-    return total
 
 
 def _curved(task, vector, without):
@@ -329,7 +319,7 @@ def _curved(task, vector, without):
         task.precision.copy(),
     )
     for rows in task.rows:
-        simulated = _volt(task, particle, rows.record, derivatives=True)
+        simulated = _simulated(task, particle, rows.record, derivatives=True)
         kept = _kept(rows, without)
         error = _relative_error(rows, simulated.voltage_volt)[kept]
         weight = np.sqrt(rows.weight / (1.0 + (error / FAR) ** 2))
