@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.cell import POINTS, ocv_on_grid, usual_slope
-from cellwright.circuits.particle import PARTS, Particle, layout, run
+from cellwright.circuits.particle import PARTS, SCALES, Particle, layout, run
 from cellwright.circuits.temperature import ocv_at
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.records.conditions import REFERENCE_CELSIUS
@@ -83,6 +83,27 @@ PRIORS = {
     "missing": Prior(0.0, 0.02),
     "stretch": Prior(0.0, 0.05),
 }
+
+
+# Parts of the particle, and how it is without each: parameters at the value of the vector at which
+# the part does nothing, None: at one value for all their knots. Diffusion evens out within a second
+# at any temperature; the overvoltage is in proportion to the current up to some 25 V. Charge
+# transfer settles within a second in warmth and takes ten in the cold: who looks at what acts at
+# once and at what relaxes sees it in both.
+WITHOUT = {
+    "diffusion": {"diffusion_per_second": 0.0, "diffusion_joule_per_mole": 0.0},
+    "kinetics": {"transfer_scale": np.log(1e3)},
+    "temperature": {part.name: 0.0 for part in PARTS if part.unit == "J/mol"},
+    "ohmic_soc": dict.fromkeys(("r0_ohm", "transfer_ohm")),
+    "relaxing_soc": dict.fromkeys(("transfer_ohm", "fast_ohm", "slow_ohm")),
+    "entropy": {"ocv_volt_per_kelvin": 0.0},
+    "scale_temperature": dict.fromkeys(SCALES),
+    "scale": dict.fromkeys(SCALES, 0.0),
+    "hysteresis": {"hysteresis_volt": 0.0},
+    "ocv_shift": {"ocv_shift_volt": 0.0},
+}
+OVER_TEMPERATURE = ("temperature", "entropy", "scale_temperature")  # which one temperature lacks
+HELD = 1e-3  # deviations of its prior, by which a parameter may leave where it is held
 
 
 class Rows(NamedTuple):
@@ -251,6 +272,35 @@ def fitted(task):
     std = np.sqrt(np.diag(np.linalg.inv(precision)))
     basins = tuple((float(end[0][place][0]), float(end[1])) for end in begun)
     return Fitted(task.start._replace(vector=vector), std, basins)
+
+
+def left_out_without(task, particle, part, conditions):
+    """Errors of blocks as of `left_out`, by a particle of which a part is taken out.
+
+    The rest is fitted anew from where the particle stands: from the starts of `fitted` it ends at
+    the same errors (within .4 mV on Panasonic's pulses at every temperature; without any activation
+    energy within 4 of 31 to 217 mV) and takes three times as long.
+
+    Parameters
+    ----------
+    task, conditions : as of `left_out`. particle : Particle, fitted. part : name in `WITHOUT`.
+
+    Returns
+    -------
+    scores : list of choice.Score, one a temperature.
+    """
+    vector, mean, precision = particle.vector.copy(), task.mean.copy(), task.precision.copy()
+    for name, value in WITHOUT[part].items():
+        place = layout(len(particle.celsius))[name]
+        held = np.eye(place.stop - place.start) / (HELD * task.std[place])
+        if value is None:
+            vector[place], held = vector[place].mean(), np.diff(held, axis=0)
+        else:
+            vector[place] = mean[place] = value
+        precision[place, place] += held.T @ held
+    bare = task._replace(mean=mean, precision=precision)
+    vector, *_ = _walked(bare, vector, steps=STEPS)
+    return left_out(bare, Fitted(particle._replace(vector=vector), None, ()), conditions)
 
 
 def left_out(task, fit, conditions):
