@@ -258,8 +258,9 @@ def with_parts(model, rows, task, conditions):
     of the particle without it.
 
     A part is worth something where blocks left out are missed by more without it, by two standard
-    errors, and at some temperature by more than anyone would notice (`MATERIAL_VOLT`). That is so
-    on the tests fitted: what they do not excite is worth nothing there.
+    errors, and at some temperature by what somebody acts on: it takes the square of `MATERIAL_VOLT`
+    off the mean square error, as a name of the search has to. That is so on the tests fitted: what
+    they do not excite is worth nothing there.
 
     Parameters
     ----------
@@ -278,8 +279,9 @@ def with_parts(model, rows, task, conditions):
             continue
         scores = particle.left_out_without(task, fitted, part, conditions)
         sure = standard_errors(scores, whole)
-        more = [rmse_of(score) - rmse_of(of) for score, of in zip(scores, whole, strict=True)]
-        worth = bool(sure > SURE and np.nanmax(more) > MATERIAL_VOLT)
+        ends = zip(scores, whole, strict=True)
+        more = [rmse_of(without) ** 2 - rmse_of(with_it) ** 2 for without, with_it in ends]
+        worth = bool(sure > SURE and np.nanmax(more) > MATERIAL_VOLT**2)
         about = {"standard_errors": sure, "worth": worth}
         parts.append({"part": part, "left_out_rmse_volt": _rmse_of_all(scores)} | about)
         code = "part_worth" if worth else "part_worthless"
