@@ -172,13 +172,9 @@ def task_of(conditions, curves, *, capacity_ampere_hour):
     pairs = [
         pair
         for _, records, ready, blocks in conditions
-        for pair in zip(records, ready, _folds(blocks), strict=True)
+        for pair in zip(_thinned(records, capacity_ampere_hour), ready, _folds(blocks), strict=True)
     ]
-    steady = [
-        (_thinned(record, capacity_ampere_hour), *about)
-        for record, *about in pairs
-        if record.kind != "drive"
-    ]
+    steady = [pair for pair in pairs if pair[0].kind != "drive"]
     taken = sum(len(record.soc) for record, *_ in steady)
     drives = [pair for pair in pairs if pair[0].kind == "drive"]
     if drives:
@@ -189,12 +185,25 @@ def task_of(conditions, curves, *, capacity_ampere_hour):
     return Task(rows, start, capacity_ampere_hour, mean, std, precision)
 
 
-def _thinned(record, capacity):
-    step = edge_ampere(record)
-    return without_edges(
-        thin(record, step_ampere=step / 10, growth=GROWTH, capacity_ampere_hour=capacity),
-        step_ampere=step,
-    )
+def _thinned(records, capacity):
+    """Records of a temperature, drives as they are, of others fewer rows.
+
+    A current steps by a share of the largest of all records of a kind: by that of the weakest load
+    a current that flickers never rests, and all its rows would stay.
+    """
+    step = {}
+    for record in records:
+        step[record.kind] = max(edge_ampere(record), step.get(record.kind, 0.0))
+    along = {"growth": GROWTH, "capacity_ampere_hour": capacity}
+    return [
+        record
+        if record.kind == "drive"
+        else without_edges(
+            thin(record, step_ampere=step[record.kind] / 10, **along),
+            step_ampere=step[record.kind],
+        )
+        for record in records
+    ]
 
 
 def _folds(blocks):
