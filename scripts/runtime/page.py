@@ -528,7 +528,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
     """Tables of what was named and how sure it is, and of what other measurements say; or None."""
     found = {"named": None, "witnesses": None}
     if verdicts:
-        found |= {name: verdicts[0][name] for name in ("next_test", "in_one_line")}
+        names = ("next_test", "in_one_line", "of_model_in_use")
+        found |= {name: verdicts[0][name] for name in names}
     if any(one["effect"] for one in verdicts):
         sure = {"True": "sure", "False": "unsure: {}"}
         lines = [
@@ -538,12 +539,26 @@ def _tables_of_story(verdicts, witnesses) -> dict:
                 ", ".join(_as_good(one)),
                 f"{milli(one['rmse_before_volt'])} → {milli(one['rmse_after_volt'])}",
                 f"{milli(one['validation_before_volt'])} → {milli(one['validation_after_volt'])}",
+                f"{milli(one['without_part_volt'])} → {milli(one['with_part_volt'])}",
             ]
             for one in verdicts
             if one["effect"]
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
-        read = "RMS error of the model without the effect → with it, beside all others."
+        columns += ["part of the model in use [mV]"]
+        if not any(one["part"] for one in verdicts):
+            columns, lines = columns[:-1], [line[:-1] for line in lines]
+        if verdicts[0]["in_use"]:
+            ends = (
+                milli(verdicts[0][f"{name}_volt"]) for name in ("in_use_fit", "validation_member")
+            )
+            end = [f"model in use: {verdicts[0]['in_use']}", "", "", *ends]
+            lines.append([*end, *[""] * (len(columns) - len(end))])
+        read = (
+            "RMS error of the model without the effect → with it, beside all others; of the part "
+            "of the model in use that it is, on blocks left out of that fit. Last what the model "
+            "in use errs by on the same tests."
+        )
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:
