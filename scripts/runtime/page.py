@@ -29,6 +29,7 @@ from runtime import (
     overview_page,
     pack_page,
     sheets,
+    simulated_page,
     use_page,
 )
 from runtime.csv_cells import frame_as_written
@@ -122,6 +123,7 @@ def render(job) -> str:
         if name in lookups:
             exports = rated[name], lookups[name], pybamm[name]
             page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
+        page["simulated"] = simulated.get(name, ("", ""))[0]
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
         return page | {"html": template.render(page=page, number_of=Numbers(name))}
@@ -137,6 +139,7 @@ def render(job) -> str:
 
     models = _models_in_use(tables["validation"])
     looks = part("the closer looks", _looks, inputs.simulated, inputs.series, models)
+    simulated = part("what was simulated", simulated_page.known, inputs.truth, otherwise={})
     rated = {row["cell"]: row.get("rated_capacity_ampere_hour") for row in params.cells}
     exported = (inputs.lookups, inputs.pybamm)
     lookups, pybamm = ({Path(path).parent.name: path for path in paths} for paths in exported)
@@ -168,6 +171,11 @@ def render(job) -> str:
             models,
         ),
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
+        simulated=part(
+            "the table of what was simulated",
+            simulated_page.table,
+            *(simulated, summary, _rows(tables["missing_effect"])),
+        ),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
         health_table=health_page.table_of_section,
