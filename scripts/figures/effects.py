@@ -296,6 +296,7 @@ def draw_effect_validation(verdict, series):
         samples = rows_where(series | {"counted": counted}, judging & (series["test"] == test))
         floor = floors.get(test, verdict["floor_volt"])
         _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
+    style.legend_once(axes[0, 0])  # colours are the same in all panels
     parts = _together(verdict, tests)
     if len(tests) > len(shown):
         parts.append(f"{len(shown)} of {len(tests)} tests, with the largest error")
@@ -334,7 +335,6 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
     title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
-    style.legend_once(upper[0], loc="best")
 
 
 def _voltage(axes, series, models):

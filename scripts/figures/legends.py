@@ -9,6 +9,7 @@ from matplotlib.transforms import Bbox
 PLACES = ("upper right", "upper left", "lower right", "lower left", "upper center", "lower center")
 PLACES += ("center right", "center left")
 MARGIN = 3.0  # point, between a legend and the nearest line
+BORDER = 5.0  # point, between a legend and the edge of its panel
 MOST_ROOM = 0.4  # of a panel, that a legend may take above the data; a taller one stands beside it
 SHADES = 0.5  # what is drawn below this is a background
 
@@ -26,9 +27,8 @@ def clear(axes, renderer) -> bool:
         legend.set_loc(place)
         if not _hidden(shapes, legend.get_window_extent(renderer).padded(MARGIN)):
             return False
-    legend.set_loc("upper right")
-    box = legend.get_window_extent(renderer)
-    share = (axes.bbox.y1 - box.y0 + 2 * MARGIN) / axes.bbox.height
+    legend = _flat(axes, legend, renderer)
+    share = (legend.get_window_extent(renderer).height + BORDER + 2 * MARGIN) / axes.bbox.height
     scales = {one.get_yscale() for one in layers}
     if axes.get_aspect() != "auto" or not scales <= {"linear", "log"} or share > MOST_ROOM:
         legend.set_bbox_to_anchor((1.0, 1.0), axes.transAxes)
@@ -37,6 +37,21 @@ def clear(axes, renderer) -> bool:
         for one in layers:
             _raise_top(one, share)
     return True
+
+
+def _flat(axes, legend, renderer):
+    """The legend in as few rows as the panel is wide enough for, in its upper right corner."""
+    size = legend.get_texts()[0].get_fontsize()
+    labels = [text.get_text() for text in legend.get_texts()]
+    drawn = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    pairs = zip(labels, legend.legend_handles, strict=True)
+    handles = [drawn.get(label, proxy) for label, proxy in pairs]
+    for columns in range(len(labels), 0, -1):
+        look = {"loc": "upper right", "ncols": columns, "fontsize": size, "columnspacing": 1.0}
+        flat = axes.legend(handles, labels, **look)
+        if flat.get_window_extent(renderer).width + 2 * BORDER <= axes.bbox.width:
+            break
+    return flat
 
 
 def _raise_top(axes, share):
