@@ -39,6 +39,7 @@ HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
 LEGEND_COLUMNS = 5  # of a legend below all panels
+FAR = 5.0  # times the change that 95 % of the parts stay below: farther ones are not drawn
 MARKERS = "os^"  # of records, where they are more than colours
 
 
@@ -228,6 +229,11 @@ def draw_evidence(columns):
 
 def _residual_over_change(panel, effect, columns, looks):
     change, missing = 1e3 * columns["sensitivity_volt"], 1e3 * columns["residual_volt"]
+    # Where a model without the effect runs empty it errs by volts, which would hide all else.
+    near = change <= FAR * np.percentile(change, 95)
+    far = np.count_nonzero(~near)
+    beyond = f"; {far} not drawn, at up to {change.max() / 1e3:.2g} V" if far else ""
+    change, missing, columns = change[near], missing[near], rows_where(columns, near)
     rows = columns["rows"]
     ends = np.array([0.0, 1.05 * change.max()])
     panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it was missing")
@@ -242,7 +248,7 @@ def _residual_over_change(panel, effect, columns, looks):
     share = np.sum(rows * missing) / np.sum(rows * change)
     panel.set(
         title=f"{name_of_effect(effect)}: {100 * share:.0f} % of it was missing\n"
-        f"better with it: {helped} of {len(change)} parts",
+        f"better with it: {helped} of {len(change)} parts{beyond}",
         xlabel="its change in a part of a record, RMS [mV]",
         ylabel="what was left there that follows it [mV]",
     )

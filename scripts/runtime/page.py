@@ -295,12 +295,12 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
 
 
 def _unsure(rows) -> list:
-    """What makes names unsure, in words: the same reasons once, with the names that they are of."""
+    """What makes names unsure, in words: each reason once, with the names that it is of."""
     names = {}
     for row in rows:
-        if row["sure"] == "False":
-            names.setdefault(row["doubts"], []).append(_name(row))
-    return [f"{', '.join(effects)}: {reasons}" for reasons, effects in names.items()]
+        for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
+            names.setdefault(reason, []).append(_name(row))
+    return [f"{reason} ({', '.join(effects)})" for reason, effects in names.items()]
 
 
 def _name(row):

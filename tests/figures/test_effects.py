@@ -41,6 +41,15 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     assert sorted(numbers(after)) == ["0.1", "0.2", "0.3"]
 
 
+def test_a_part_where_the_model_ran_empty_does_not_hide_the_others():
+    change = np.append(np.linspace(1e-3, 4e-3, 40), 28.0)
+    columns = {"effect": np.full(41, "leakage"), "test": np.full(41, "a"), "rows": np.full(41, 9)}
+    columns |= {"sensitivity_volt": change, "residual_volt": 0.5 * change}
+    (panel, *_) = rendered(effects.draw_evidence(columns))
+    assert panel.get_xlim()[1] < 5.0
+    assert title(panel).endswith("; 1 not drawn, at up to 28 V")
+
+
 def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say_together():
     change = np.linspace(1e-3, 4e-3, 8)
     one = {"rows": np.full(8, 200), "sensitivity_volt": change, "test": np.repeat(["a", "b"], 4)}
