@@ -316,7 +316,7 @@ def _together(verdict, tests):
     errors = verdict.get("validation_rmse_volt")
     if not errors:
         return []
-    sizes = [f"{OF_CELL[model]} {1e3 * errors[model]:.2f} mV" for model in _models(verdict)]
+    sizes = [f"{OF_CELL[model]} {1e3 * errors[model]:.3g} mV" for model in _models(verdict)]
     over = f"over all {len(tests)} tests together" if len(tests) > 1 else "over the test"
     return [f"RMS {over}, as in the text: {', '.join(sizes)}"]
 
@@ -338,8 +338,8 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[1].set(title="Its worst six minutes")
     own = rows_where(series, series["counted"])
     sizes = [1e3 * rms(own["voltage_volt"] - own[f"{model}_volt"]) for model in models]
-    errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
+    errors = [f"{OF_CELL[model]} {size:.3g} mV" for model, size in zip(models, sizes, strict=True)]
+    title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2g} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
 
 

@@ -34,6 +34,7 @@ from runtime import (
 )
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
+    SHOWN_ROWS,
     Cell,
     duration,
     fact_in_words,
@@ -529,7 +530,9 @@ def _tests(rows, abouts):
     if not any(line[-1].text for line in lines):
         columns, lines = columns[:-1], [line[:-1] for line in lines]
     read = "As tests.tsv states them; in red why a test, or a part of it, could not be used."
-    return plain_table("tests", "Tests", read, columns, lines) if rows else None
+    lines.sort(key=lambda line: not isinstance(line[-1], Cell) or not line[-1].text)
+    found = plain_table("tests", "Tests", read, columns, lines[:SHOWN_ROWS])
+    return found._replace(more=max(len(lines) - SHOWN_ROWS, 0)) if rows else None
 
 
 def _tables_of_story(verdicts, witnesses) -> dict:
@@ -551,7 +554,7 @@ def _tables_of_story(verdicts, witnesses) -> dict:
             if one["effect"]
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
-        read = "RMS error of the model without the effect → with it, beside all others."
+        read = "RMS error of the model without the effect → with it; all other effects stay in."
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:
