@@ -1,6 +1,7 @@
 """Figures of capacity: over rate, ageing and temperature; incremental capacity and its peaks."""
 
 import numpy as np
+from matplotlib.ticker import LogLocator
 
 from figures import style
 from figures.style import ambient_celsius, rows_where
@@ -23,6 +24,8 @@ def draw_capacity(tests):
         if aged:
             _points(axes[0, 1], np.full(len(columns["c_rate"]), cycle), columns, celsius)
     axes[0, 0].set(xscale="log", xlabel="C-rate [1/h]", ylabel="capacity [Ah]")
+    axes[0, 0].xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    style.plain_numbers(axes[0, 0].xaxis)
     low, high = axes[0, 0].get_ylim()
     # A percent either way, so that the last digits of one cell do not fill the picture.
     axes[0, 0].set_ylim(min(low, 0.99 * high), max(high, 1.01 * low))

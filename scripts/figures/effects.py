@@ -39,6 +39,7 @@ HATCH = "////"
 
 NO_EFFECT = "No effect was added to the model of this cell, so there is none to show evidence for."
 LEGEND_COLUMNS = 5  # of a legend below all panels
+FAR = 5.0  # times the change that 95 % of the parts stay below: farther ones are not drawn
 MARKERS = "os^"  # of records, where they are more than colours
 
 
@@ -228,6 +229,11 @@ def draw_evidence(columns):
 
 def _residual_over_change(panel, effect, columns, looks):
     change, missing = 1e3 * columns["sensitivity_volt"], 1e3 * columns["residual_volt"]
+    # Where a model without the effect runs empty it errs by volts, which would hide all else.
+    near = change <= FAR * np.percentile(change, 95)
+    far = np.count_nonzero(~near)
+    beyond = f"; {far} not drawn, at up to {change.max() / 1e3:.2g} V" if far else ""
+    change, missing, columns = change[near], missing[near], rows_where(columns, near)
     rows = columns["rows"]
     ends = np.array([0.0, 1.05 * change.max()])
     panel.plot(ends, ends, color=style.INK, lw=1.2, label="all of it was missing")
@@ -242,7 +248,7 @@ def _residual_over_change(panel, effect, columns, looks):
     share = np.sum(rows * missing) / np.sum(rows * change)
     panel.set(
         title=f"{name_of_effect(effect)}: {100 * share:.0f} % of it was missing\n"
-        f"better with it: {helped} of {len(change)} parts",
+        f"better with it: {helped} of {len(change)} parts{beyond}",
         xlabel="its change in a part of a record, RMS [mV]",
         ylabel="what was left there that follows it [mV]",
     )
@@ -296,6 +302,7 @@ def draw_effect_validation(verdict, series):
         samples = rows_where(series | {"counted": counted}, judging & (series["test"] == test))
         floor = floors.get(test, verdict["floor_volt"])
         _whole_and_worst(upper, lower, test, samples, _models(verdict), floor)
+    style.legend_once(axes[0, 0])  # colours are the same in all panels
     parts = _together(verdict, tests)
     if len(tests) > len(shown):
         parts.append(f"{len(shown)} of {len(tests)} tests, with the largest error")
@@ -309,7 +316,7 @@ def _together(verdict, tests):
     errors = verdict.get("validation_rmse_volt")
     if not errors:
         return []
-    sizes = [f"{OF_CELL[model]} {1e3 * errors[model]:.2f} mV" for model in _models(verdict)]
+    sizes = [f"{OF_CELL[model]} {1e3 * errors[model]:.3g} mV" for model in _models(verdict)]
     over = f"over all {len(tests)} tests together" if len(tests) > 1 else "over the test"
     return [f"RMS {over}, as in the text: {', '.join(sizes)}"]
 
@@ -331,10 +338,9 @@ def _whole_and_worst(upper, lower, test, series, models, floor):
     upper[1].set(title="Its worst six minutes")
     own = rows_where(series, series["counted"])
     sizes = [1e3 * rms(own["voltage_volt"] - own[f"{model}_volt"]) for model in models]
-    errors = [f"{OF_CELL[model]} {size:.2f} mV" for model, size in zip(models, sizes, strict=True)]
-    title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2f} mV)"
+    errors = [f"{OF_CELL[model]} {size:.3g} mV" for model, size in zip(models, sizes, strict=True)]
+    title = f"Residual, RMS of this test: {', '.join(errors)} (grey: floor {1e3 * floor:.2g} mV)"
     lower[0].set(ylabel="measured − model [mV]", title=title)
-    style.legend_once(upper[0], loc="best")
 
 
 def _voltage(axes, series, models):

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.layout_engine import LayoutEngine
 
-from figures import decoration, measures
+from figures import decoration, legends, measures
 
 PAD = 4.0  # point, at the edge of the canvas, and at each side between two panels
 BAR_GAP, BAR_WIDTH = 8.0, 10.0  # point, of a colour bar
@@ -38,6 +38,17 @@ class GridLayout(LayoutEngine):
         """Place all panels, measured at 72 dots per inch, whatever the figure is drawn at."""
         dots_per_inch = fig.dpi
         fig.dpi = 72
+        self._place_all(fig)
+        # Panels may share a scale: room above one moves what another legend must avoid.
+        for _ in range(2):
+            moved = [legends.clear(axes, self.renderer) for axes in fig.axes]
+            if not any(moved):
+                break
+            self._place_all(fig)
+        fig.dpi = dots_per_inch
+
+    def _place_all(self, fig):
+        """Place all panels, over and over until nothing moves."""
         for number in range(PASSES):
             before = _places(fig)
             # A label that takes a line more in a lower panel, and makes it higher by that, would
@@ -48,7 +59,6 @@ class GridLayout(LayoutEngine):
                 break
         else:
             self._measure(fig)
-        fig.dpi = dots_per_inch
 
     def _shape(self, figure):
         """Give all panels the shape that they ask for within their place."""

@@ -34,9 +34,14 @@ def draw_temperature_laws(points, laws):
         panel.plot(celsius, scale * value, "o", color=style.MEASURED, label="measured")
         for law, colour in COLOURS.items():
             law_rows = [r for r in laws if r["quantity"] == quantity and r["law"] == law]
-            _law(panel, celsius, law_rows, law, colour, scale)
+            if note := _law(panel, celsius, law_rows, law, colour, scale):
+                title += f"\n{NAMES[law]}: {note}"
         panel.set(xlabel="temperature [°C]", ylabel=f"[{unit}]", title=title)
-        style.legend_once(panel)
+    named = {}
+    for panel in axes:
+        named |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
+    look = {"loc": "outside lower center", "ncols": len(named), "fontsize": 7.5}
+    figure.legend(named.values(), named.keys(), **look)
     return figure
 
 
@@ -54,17 +59,20 @@ def _shown(points):
 
 
 def _law(axes, celsius, rows, law, colour, scale):
-    """A law over the tested temperatures, dotted beyond them and where a resistance's rises."""
+    """A law over the tested temperatures, dotted beyond them and where a resistance's rises.
+
+    What is to be said of it, "" where nothing is.
+    """
     if not rows:
-        return
+        return ""
     values, tested = [row["value"] for row in rows], (celsius.min(), celsius.max())
     valid = rows[0]["valid_from_celsius"], rows[0]["valid_to_celsius"]
     note = turn_in_words(values, valid, tested) or ("chosen" if rows[0]["chosen"] else "")
-    label = f"{NAMES[law]} ({note})" if note else NAMES[law]
     for start, stop, sound in drawn_pieces(tested, valid):
         grid, line = np.linspace(start, stop, 60), "-" if sound else ":"
-        shown = label if start == tested[0] else None
+        shown = NAMES[law] if start == tested[0] else None
         axes.plot(grid, scale * value_of(FORMS[law], grid, values), line, color=colour, label=shown)
+    return note
 
 
 def draw_arrhenius(points, laws):

@@ -1,6 +1,6 @@
 """Laws over temperature in the report: a row a law, its parameters in words and units of people."""
 
-from runtime.page_tables import measured, plain_table
+from runtime.page_tables import SHOWN_ROWS, WORST_ROWS, measured, plain_table
 
 READ = (
     "The chosen law of each quantity, the best by leave-one-out error; in brackets 95 % limits, "
@@ -59,7 +59,13 @@ def table(frame):
     lines = [[line[k] for k in shown] for line in lines]
     columns, made = [COLUMNS[k] for k in shown], "results/tables/temperature.csv"
     about = "temperature", "Laws over temperature", READ
-    return plain_table(*about, columns, lines, made=made) if lines else None
+    found = plain_table(*about, columns, lines, made=made) if lines else None
+    if found is None or len(lines) <= SHOWN_ROWS or "R²" not in columns:
+        return found
+    at = columns.index("R²")
+    worst = sorted(found.rows, key=lambda row: float(row[at].text or "inf"))[:WORST_ROWS]
+    read = f"{READ} The {WORST_ROWS} with the lowest R²."
+    return found._replace(read=read, rows=worst, more=len(lines) - WORST_ROWS)
 
 
 def _parameter(row) -> str:

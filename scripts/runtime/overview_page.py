@@ -4,6 +4,7 @@ import re
 
 from markupsafe import Markup, escape
 
+from cellwright.circuits import particle
 from cellwright.circuits.circuit import OPTIONS
 from cellwright.effects.story.words import name_of_effect
 from cellwright.laws.points import level_means
@@ -57,6 +58,7 @@ READ = (
     "of a pulse at 50 % SoC, 25 °C. Model error: RMS of the tests not fitted, and its range."
 )
 BASES = {"DRT": "resistances on a series of time constants"}
+BASES |= {particle.NAME: "one particle with diffusion and charge transfer"}
 
 
 def model_in_words(name) -> str:

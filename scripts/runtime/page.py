@@ -29,10 +29,12 @@ from runtime import (
     overview_page,
     pack_page,
     sheets,
+    simulated_page,
     use_page,
 )
 from runtime.csv_cells import frame_as_written
 from runtime.page_tables import (
+    SHOWN_ROWS,
     Cell,
     duration,
     fact_in_words,
@@ -122,6 +124,7 @@ def render(job) -> str:
         if name in lookups:
             exports = rated[name], lookups[name], pybamm[name]
             page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
+        page["simulated"] = simulated.get(name, ("", ""))[0]
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
         return page | {"html": template.render(page=page, number_of=Numbers(name))}
@@ -137,6 +140,7 @@ def render(job) -> str:
 
     models = _models_in_use(tables["validation"])
     looks = part("the closer looks", _looks, inputs.simulated, inputs.series, models)
+    simulated = part("what was simulated", simulated_page.known, inputs.truth, otherwise={})
     rated = {row["cell"]: row.get("rated_capacity_ampere_hour") for row in params.cells}
     exported = (inputs.lookups, inputs.pybamm)
     lookups, pybamm = ({Path(path).parent.name: path for path in paths} for paths in exported)
@@ -168,6 +172,11 @@ def render(job) -> str:
             models,
         ),
         fleet=part("the comparison of types", fleet_of, tables["fleet"]),
+        simulated=part(
+            "the table of what was simulated",
+            simulated_page.table,
+            *(simulated, summary, _rows(tables["missing_effect"])),
+        ),
         health=part("the part on health", health_page.section, tables),
         packs=part("the part on packs", pack_page.section, tables, params.groups),
         health_table=health_page.table_of_section,
@@ -287,12 +296,12 @@ def fleet_of(table: pd.DataFrame) -> list[dict]:
 
 
 def _unsure(rows) -> list:
-    """What makes names unsure, in words: the same reasons once, with the names that they are of."""
+    """What makes names unsure, in words: each reason once, with the names that it is of."""
     names = {}
     for row in rows:
-        if row["sure"] == "False":
-            names.setdefault(row["doubts"], []).append(_name(row))
-    return [f"{', '.join(effects)}: {reasons}" for reasons, effects in names.items()]
+        for reason in row["doubts"].split("; ") if row["sure"] == "False" else ():
+            names.setdefault(reason, []).append(_name(row))
+    return [f"{reason} ({', '.join(effects)})" for reason, effects in names.items()]
 
 
 def _name(row):
@@ -521,7 +530,9 @@ def _tests(rows, abouts):
     if not any(line[-1].text for line in lines):
         columns, lines = columns[:-1], [line[:-1] for line in lines]
     read = "As tests.tsv states them; in red why a test, or a part of it, could not be used."
-    return plain_table("tests", "Tests", read, columns, lines) if rows else None
+    lines.sort(key=lambda line: not isinstance(line[-1], Cell) or not line[-1].text)
+    found = plain_table("tests", "Tests", read, columns, lines[:SHOWN_ROWS])
+    return found._replace(more=max(len(lines) - SHOWN_ROWS, 0)) if rows else None
 
 
 def _tables_of_story(verdicts, witnesses) -> dict:
@@ -555,9 +566,9 @@ def _tables_of_story(verdicts, witnesses) -> dict:
             end = [f"model in use: {verdicts[0]['in_use']}", "", "", *ends]
             lines.append([*end, *[""] * (len(columns) - len(end))])
         read = (
-            "RMS error of the model without the effect → with it, beside all others; of the part "
-            "of the model in use that it is, on blocks left out of that fit. Last what the model "
-            "in use errs by on the same tests."
+            "RMS error of the model without the effect → with it; all other effects stay in. Of the "
+            "part of the model in use that it is: on blocks left out of that fit. The last row is "
+            "the error of the model in use on the same tests."
         )
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)

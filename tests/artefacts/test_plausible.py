@@ -69,7 +69,9 @@ def test_coulombic_efficiency_is_near_one(table, law):
     for pair in (pair for pair in halves.values() if len(pair) == 2):
         out, taken = (pair[name]["capacity_ampere_hour"] for name in ("discharge", "charge"))
         if out > 1.1 * taken:
-            law.add(pair["discharge"], f"gives {out:.4g} Ah and takes {taken:.4g} Ah in one test")
+            law.add(
+                pair["discharge"], f"discharged {out:.4g} Ah but charged {taken:.4g} Ah in one test"
+            )
     law.hold()
 
 

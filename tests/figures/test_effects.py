@@ -41,6 +41,15 @@ def test_the_map_has_a_line_for_each_test_and_current_and_one_scale():
     assert sorted(numbers(after)) == ["0.1", "0.2", "0.3"]
 
 
+def test_a_part_where_the_model_ran_empty_does_not_hide_the_others():
+    change = np.append(np.linspace(1e-3, 4e-3, 40), 28.0)
+    columns = {"effect": np.full(41, "leakage"), "test": np.full(41, "a"), "rows": np.full(41, 9)}
+    columns |= {"sensitivity_volt": change, "residual_volt": 0.5 * change}
+    (panel, *_) = rendered(effects.draw_evidence(columns))
+    assert panel.get_xlim()[1] < 5.0
+    assert title(panel).endswith("; 1 not drawn, at up to 28 V")
+
+
 def test_evidence_shows_the_parts_that_judged_each_effect_and_says_what_they_say_together():
     change = np.linspace(1e-3, 4e-3, 8)
     one = {"rows": np.full(8, 200), "sensitivity_volt": change, "test": np.repeat(["a", "b"], 4)}
@@ -126,8 +135,8 @@ def test_only_tests_for_proof_are_drawn_whole_and_where_the_plain_model_is_worst
     voltage, worst, residual, _ = rendered(effects.draw_effect_validation(verdict, found))
     assert title(voltage).startswith("udds: ")
     rms = 1e3 * np.sqrt(np.mean((found["voltage_volt"] - found["before_volt"])[: len(SECOND)] ** 2))
-    assert f"plain model {rms:.2f} mV, with what was missing 1.00 mV" in title(residual)
-    assert "grey: floor 0.80 mV" in title(residual)
+    assert f"plain model {rms:.3g} mV, with what was missing 1 mV" in title(residual)
+    assert "grey: floor 0.8 mV" in title(residual)
     before, after = [line.get_ydata() for line in residual.get_lines()]
     assert (before.min(), before.max()) == pytest.approx((4.0, 6.0))
     np.testing.assert_allclose(after, 1.0)
@@ -147,10 +156,10 @@ def test_errors_are_those_of_the_verdict_and_leave_out_what_it_leaves_out():
     verdict = {"effects": [{"effect": "leakage"}], "floor_volt": 0.8e-3}
     figure = effects.draw_effect_validation(verdict | {"validation_rmse_volt": together}, found)
     panels = rendered(figure)
-    plain = f"plain model {1e3 * together['before']:.2f} mV"
+    plain = f"plain model {1e3 * together['before']:.3g} mV"
     assert f"over all 2 tests together, as in the text: {plain}" in figure.get_suptitle()
     for residual in (panels[2], panels[6]):
-        assert f"of this test: {plain}, with what was missing 1.00 mV" in title(residual)
+        assert f"of this test: {plain}, with what was missing 1 mV" in title(residual)
         assert residual.get_lines()[0].get_ydata().max() > 100.0
 
 
@@ -159,7 +168,7 @@ def test_the_floor_of_a_test_is_its_own_where_the_verdict_has_it():
     verdict["floors"] = [{"test": "udds", "volt": 2.5e-3}]
     found = series(("udds", "validation"), ("us06", "validation"))
     panels = rendered(effects.draw_effect_validation(verdict, found))
-    assert [f"floor {size} mV" in title(panels[k]) for k, size in ((2, "2.50"), (6, "1.00"))] == [
+    assert [f"floor {size} mV" in title(panels[k]) for k, size in ((2, "2.5"), (6, "1"))] == [
         True,
         True,
     ]

@@ -18,13 +18,15 @@ def test_temperature_draws_the_laws_over_the_points_and_dots_what_was_not_tested
         "soc": np.array([0.5] * 3 + [0.9] * 3 + [np.nan] * 3),
     }
     laws = law("R", "quadratic", 0.0, -0.0375, 3.0) + law("R", "arrhenius", 2.0, 1e4, chosen=True)
-    first, second, *empty = panels(temperature.draw_temperature_laws(points, laws))
-    assert labels(first) == ["measured", "quadratic", "Arrhenius (chosen)"]
+    figure = temperature.draw_temperature_laws(points, laws)
+    first, second, *empty = panels(figure)
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert named == ["measured", "quadratic", "Arrhenius"]
+    assert first.get_title(loc="left").endswith("Arrhenius: chosen")
     np.testing.assert_allclose(drawn(first)[0], np.column_stack([celsius, [3e3, 2e3, 1.5e3]]))
     np.testing.assert_allclose(drawn(first)[2][0], [0.0, 3e3])
     assert [line.get_linestyle() for line in first.get_lines()[1:4]] == [":", "-", ":"]
     assert [line.get_xdata()[-1] for line in first.get_lines()[1:4]] == [0, 40, 45]
-    assert labels(second) == ["measured"]
     assert (first.get_ylabel(), second.get_ylabel()) == ("[mΩ]", "[Ah]")
     assert [panel.axison for panel in empty] == [False]
 
@@ -44,7 +46,8 @@ def test_a_quadratic_that_turns_says_where_and_is_dotted_from_there():
     # A page shows any figure as wide as itself: one panel alone would be magnified.
     assert panel.get_position().width < 0.4
     assert [one.axison for one in empty] == [False, False]
-    assert labels(panel) == ["measured", "quadratic (turns upward at 30 °C)"]
+    assert panel.get_title(loc="left") == "R\nquadratic: turns upward at 30 °C"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["measured", "quadratic"]
     drawn_to = [(x.get_linestyle(), x.get_xdata()[-1]) for x in panel.get_lines()[1:]]
     assert drawn_to == [(":", 0.0), ("-", 30.0), (":", 40.0), (":", 45.0)]
 

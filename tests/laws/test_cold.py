@@ -65,7 +65,7 @@ def test_charge_transfer_limits_the_cell_of_the_thesis():
     assert "limited by charge transfer at its electrodes: from 20 to -10 °C" in limit["paragraph"]
     assert "23.5 to 26.9 times, ohmic resistance 1.51 to 1.66 times" in limit["paragraph"]
     assert "Below -10 °C nothing was tested" in limit["paragraph"]
-    assert limit["paragraph"].endswith("an extrapolation.")
+    assert limit["paragraph"].endswith("over the next 10 K.")
 
 
 def test_what_was_measured_three_times_counts_once():

@@ -312,7 +312,7 @@ def test_a_branch_that_the_sheet_starts_elsewhere_is_no_full_one():
 def test_a_test_between_two_other_voltages_gives_no_scale():
     """Its charge moves what its discharge does, and both leave out the highest tenth."""
     columns = record(rest(0.9), ramp(0.9, 0), rest(0), ramp(0, 0.9), rest(0.9))
-    with pytest.raises(Refusal, match=r"its first discharge: .* not known to start full"):
+    with pytest.raises(Refusal, match=r"its first discharge: .* may not start full"):
         slow_ocv(series_of(*columns), **CUTOFFS)
     with pytest.raises(Refusal, match=r"the sheet states an SoC of 0\.9"):
         slow_ocv(series_of(*columns), **CUTOFFS, soc_at_start=0.9)

@@ -71,7 +71,7 @@ def test_steps_of_current_between_rows_are_no_kinetics(case, name):
 
 def test_a_slow_test_that_is_not_full_is_no_scale(case):
     series, _, cell, facts = measured(case("models/ocv_not_full"))
-    with pytest.raises(Refusal, match=r"not known to start full.*4\.100 V it may lack 11%"):
+    with pytest.raises(Refusal, match=r"may not start full.*4\.100 V it may lack 11%"):
         cw.ocv(series, cell, test=facts)
 
 

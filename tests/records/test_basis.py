@@ -63,7 +63,7 @@ def test_slow_directions_that_part_are_closed(back, closed):
     """A drift adds to one direction what it takes from the other: the curve says what is left."""
     content = basis_of_one_age("A", [curve(out=2.0, back=back, closed=closed)], [], [])
     assert content["capacity_ampere_hour"] == (closed or 2.0)
-    said = "slow test ocv, between 2 Ah out and "
+    said = "slow test ocv, between 2 Ah discharged and "
     assert content["capacity_source"].startswith(said) == (closed is not None)
 
 

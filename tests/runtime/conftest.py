@@ -172,6 +172,7 @@ def job(snakemake, saved):
         cold=cold,
         lookups=[],
         pybamm=[],
+        truth=[],
         simulated=simulated,
         series=[],
         curves=[saved("results/stages/ocv/A/slow.parquet", SLOW)],

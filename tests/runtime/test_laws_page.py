@@ -33,3 +33,14 @@ def test_a_law_is_one_row_with_its_limits_in_units_that_people_write():
 def test_without_a_chosen_law_there_is_no_table():
     row = ("R", "quadratic", "b3", "0.0373", "Ohm", "", "", "", "False")
     assert laws_page.table(frame(row)) is None
+
+
+def test_of_many_laws_those_that_fit_worst_stand_for_all():
+    quantities = [f"R at {soc} %" for soc in range(40)]
+    about = ("arrhenius", "activation_energy", "2e4", "J/mol", "1e4", "3e4", "", "True")
+    table = frame(*[(quantity, *about) for quantity in quantities])
+    table["r_squared"] = [f"{0.5 + 0.01 * k:.2f}" for k in range(40)]
+    found = laws_page.table(table)
+    assert [row[0].text for row in found.rows] == quantities[:10]
+    assert (found.more, found.made) == (30, "results/tables/temperature.csv")
+    assert found.read.endswith("The 10 with the lowest R².")

@@ -195,3 +195,9 @@ def test_a_long_table_shows_its_worst_rows_and_names_the_file_of_the_others():
     assert "largest error [mV]" in table.read
     short = page_tables.table_of("t", frame.head(20), spec | {"worst": "x"})
     assert [row[0].text for row in short.rows][:2] == ["t0", "t1"]
+
+
+def test_a_particle_has_words_as_circuits_have():
+    found = {name: overview_page.model_in_words(name) for name in ("P", "2RC+H")}
+    assert found["P"] == "one particle with diffusion and charge transfer"
+    assert found["2RC+H"] == "2 RC pairs, hysteresis"

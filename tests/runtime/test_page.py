@@ -181,3 +181,21 @@ def test_what_is_left_out_of_many_cells_for_one_reason_is_one_line():
     first, second = page._exclusions(rows)
     assert first["of"] == '<a href="#cell-A">A</a>, <a href="#cell-B">B</a>'
     assert (first["reason"], second["of"], second["reason"]) == ("no pulses", "", "<odd>")
+
+
+def test_a_reason_that_makes_several_names_unsure_is_said_once():
+    rows = [
+        {"sure": "False", "branch": "", "effect": "leakage", "doubts": "beside others; at a limit"}
+    ]
+    rows += [rows[0] | {"effect": "self_heating", "doubts": "beside others"}]
+    rows += [rows[0] | {"effect": "time_skew", "sure": "True", "doubts": ""}]
+    found = page._unsure(rows)
+    assert found == ["beside others (self-discharge, self-heating)", "at a limit (self-discharge)"]
+
+
+def test_of_many_tests_those_that_could_not_be_used_stand_first(job):
+    rows = [job.params.tests[0] | {"test": f"t{k}", "note": None} for k in range(70)]
+    about = {"reason": "torn", "wildcards": {"test": "t69"}}
+    found = page._tests(rows, [about])
+    assert [row[0].text for row in found.rows][:2] == ["t69", "t0"]
+    assert (len(found.rows), found.more) == (30, 40)

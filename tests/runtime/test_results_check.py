@@ -176,4 +176,4 @@ def test_a_cell_that_gives_more_than_it_took_is_found_without_an_efficiency(tmp_
     (row,) = [row for row in found if row["check"].startswith("A cell gives back")]
     assert row["outcome"] == ended
     if ended == "failed":
-        assert row["found"] == "gives 3 Ah and takes 2.62 Ah in one test"
+        assert row["found"] == "discharged 3 Ah but charged 2.62 Ah in one test"

@@ -42,6 +42,8 @@ rule report:
         cold=COLD_WORDS,
         lookups=EXPORTED["lookup.csv"],
         pybamm=EXPORTED["pybamm_thevenin.json"],
+        # What a laboratory simulated, for the reader alone: of real cells there is no such file.
+        truth=[path for path in ("data/simulated.csv",) if Path(path).is_file()],
         simulated=predicted("simulation"),
         series=predicted("clean"),
         curves=[

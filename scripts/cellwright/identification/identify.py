@@ -375,7 +375,7 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
         energies = _energies_from_neighbours(celsius, resistance)
         pairs = zip(celsius, energies, strict=True)
         listed = ", ".join(f"{energy / 1e3:.0f} at {t:g} °C" for t, energy in pairs)
-        return energies, f"activation energy of the resistance between neighbours: {listed} kJ/mol"
+        return energies, f"activation energies from neighbouring temperatures: {listed} kJ/mol"
     varied = max(np.ptp(record.celsius) for record in by_temperature[0].records)
     # Less is a chamber's wobble, in which no resistance shows its energy.
     if varied < 2.0:

@@ -242,9 +242,10 @@ def _extrapolation_sentence(limit, points, laws):
     answers = [answer for answer in answers if np.isfinite(answer)]
     if not answers:
         return f"{text}."
+    what = quantity.replace(", ", " by ", 1)
     return (
-        f"{text}: by the laws a further {LOOK_AHEAD_KELVIN:g} K would multiply the {quantity} by "
-        f"{span_of(answers, '.3g')}, an extrapolation."
+        f"{text}: extrapolated by the laws, the {what} grows by a factor of "
+        f"{span_of(answers, '.3g')} over the next {LOOK_AHEAD_KELVIN:g} K."
     )
 
 

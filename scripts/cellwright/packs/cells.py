@@ -222,9 +222,10 @@ def _entries(kind, p, capacity_ampere_hour, stretch):
             for ahead, (_, tau) in zip(gain, lags, strict=True)
         ]
     if "m_volt" in p:
-        # ASSUME: In a pack small loops of a hysteresis do not close; along a whole charge or
-        # discharge this makes no difference. A zero-state one turns within a fifty-thousandth of
-        # the capacity: at once under any load, and yet with a slope for Newton's method.
+        # ASSUME: In a pack a short reversal of the current leaves the hysteresis off the branch it
+        # came from; along a whole charge or discharge this makes no difference. A zero-state
+        # one turns within a fifty-thousandth of the capacity: at once under any load, and yet with
+        # a slope for Newton's method.
         charge = p.get("charge_ampere_hour", at_once + 2e-5 * capacity_ampere_hour)
         return [{"hysteresis_volt": p["m_volt"], "hysteresis_ampere_hour": charge}]
     if "r_charge_ohm" in p:

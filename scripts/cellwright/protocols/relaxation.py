@@ -63,7 +63,7 @@ def fit_relaxation(time_second, voltage_volt, *, most=2):
 
     Source: thesis sec. 2.3, table 2.2; (3.16).
     """
-    # ASSUME: A rest relaxes by at most two or three exponentials; a slower tail is in the OCV.
+    # ASSUME: A rest relaxes by at most two or three exponentials; what is slower counts as OCV.
     time, voltage = np.asarray(time_second, float), np.asarray(voltage_volt, float)
     _check(time, voltage)
     time, voltage = evened(time - time[0], voltage)

@@ -18,7 +18,7 @@ SOC_RANGE = (-0.1, 1.1)  # counted SoC beyond it: the anchor, the charge or the 
 
 AS_STATED = "stated at the start"  # what a record is counted from
 REST_VOLT = 0.02  # that a rest may err by, beside half of what is between charge and discharge
-# ASSUME: After ten minutes without load a cell is within 20 mV of its OCV, sooner within 100 mV.
+# ASSUME: After ten minutes without load a cell is within 20 mV of its OCV, before within 100 mV.
 RELAXED_SECOND, UNRELAXED_VOLT = 600.0, 0.1
 EMPTY_REACHES = 0.6  # of the window: an emptied LFP cell relaxes towards its plateau
 STATED_SOC = 0.05  # beyond what the rest allows, by which a stated SoC contradicts it

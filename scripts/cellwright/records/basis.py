@@ -173,8 +173,8 @@ def _load(curve):
     return float(f"{largest:.2g}")
 
 
-# ASSUME: Tests whose rests make OCV curves all begin equally full; the charge counted from full
-# gives the SoC of their OCV.
+# ASSUME: Tests whose rests make an OCV curve all begin at one SoC; the charge counted from there
+# gives the SoC of each rest.
 def _on_scale(curve, capacity, lower_cutoff_volt):
     """An OCV curve over the SoC of another capacity; below its lowest SoC on its end slope."""
     soc, volt = (np.asarray(curve[name], float) for name in ("soc", "ocv_volt"))
@@ -259,7 +259,7 @@ def slow_capacity(curve, capacities):
     )
     source = f"slow test {curve['test']}"
     if closed != out:
-        source += f", between {out:.4g} Ah out and {back:.4g} Ah back"
+        source += f", between {out:.4g} Ah discharged and {back:.4g} Ah charged"
     own = {row["direction"]: row for row in capacities if row["test"] == curve["test"]}
     std = own.get("discharge", {}).get(CAPACITY[1], np.nan)
     rest_volt = own.get("charge", {}).get("rest_after_volt", np.nan)

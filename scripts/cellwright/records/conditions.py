@@ -163,7 +163,7 @@ def same_soc(first, second):
     return abs(first - second) <= SAME_SOC
 
 
-# ASSUME: Tests within 5 cycles of each other see a cell of one age.
+# ASSUME: Tests within 5 cycles of each other are of a cell of one age.
 def checkups_of(cycles):
     """First cycle of the check-up that each test belongs to, in the order given.
 

@@ -34,8 +34,8 @@ def step_rows(time, current):
     return rows_where(stepped, time, current, beside=1) + 1
 
 
-# ASSUME: If the interval across an edge has the pace of the rows after it and not of those before,
-# the new current flowed in all of it; likewise at every edge of a record whose edges do so.
+# ASSUME: If the sampling interval across a current step is as long as those after the step and not
+# as those before, the new current flowed for all of it; likewise at every step of such a record.
 def begun_at_last_row(time, current, rows):
     """Whether the current stepped at the row before each of these rows, as the pace tells (k,).
 

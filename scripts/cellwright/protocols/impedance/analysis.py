@@ -308,8 +308,8 @@ def doubt_of(fit, kramers_kronig_rms, others, hertz, row):
 def _missed(fit, kramers_kronig_rms):
     """By how much a circuit misses a spectrum, in words."""
     times = misses(fit, kramers_kronig_rms)
-    left = f"{fit.rms_relative_residual:.1%} RMS, {times:.2g} times what its own noise leaves"
-    return f"the circuit misses the spectrum by {left}: deviations widened"
+    left = f"{fit.rms_relative_residual:.1%} RMS, {times:.2g} times the noise"
+    return f"the circuit misses the spectrum by {left}: standard deviations widened"
 
 
 def _of_size(impedance, rated):

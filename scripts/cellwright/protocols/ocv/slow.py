@@ -179,7 +179,7 @@ def slow_ocv(
     ends = {"lower": lower_cutoff_volt, "upper": upper_cutoff_volt}
     if unstated := [f"{name} cut-off" for name, volt in ends.items() if volt is None]:
         named = " and the ".join(unstated)
-        raise Refusal(f"the {named} is not stated, so no slow curve can be told to be complete")
+        raise Refusal(f"the {named} is not stated, so no slow curve is known to be complete")
     time, (current, voltage, net_charge) = series["test_time_second"], columns_of(series)
     time, files = np.asarray(time, float), series.get("file_index", np.zeros(len(time)))
     cutoffs = {-1: lower_cutoff_volt, 1: upper_cutoff_volt}
@@ -283,9 +283,8 @@ def _fault_of_rest(half, about):
     rest, share = about[0][1][half.first_row], start.missing_ampere_hour / moved
     may = "lack" if half.sign < 0 else "already hold"
     return (
-        f"it is not known to start {ENDS[half.sign]}: with a rest voltage of {rest:.3f} V it may "
-        f"{may} {share:.0%} of its charge, and neither another leg, the test before it nor the "
-        "sheet (`soc`) tells more"
+        f"it may not start {ENDS[half.sign]}: by its rest voltage of {rest:.3f} V it may {may} "
+        f"{share:.0%} of its charge. State `soc` in tests.tsv if it does start {ENDS[half.sign]}"
     )
 
 
