@@ -566,9 +566,9 @@ def _tables_of_story(verdicts, witnesses) -> dict:
             end = [f"model in use: {verdicts[0]['in_use']}", "", "", *ends]
             lines.append([*end, *[""] * (len(columns) - len(end))])
         read = (
-            "RMS error of the model without the effect → with it; all other effects stay in. Of the "
-            "part of the model in use that it is: on blocks left out of that fit. The last row is "
-            "the error of the model in use on the same tests."
+            "RMS error of the model without the effect → with it; all other effects stay in. Of "
+            "the part of the model in use that it is: on blocks left out of that fit. The last "
+            "row is the error of the model in use on the same tests."
         )
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
