@@ -43,9 +43,6 @@ from cellwright.health.protocols_compared import compare_protocols as compare_pr
 from cellwright.health.ratings import check_ups as check_ups
 from cellwright.health.table import state_of_health as state_of_health
 from cellwright.identification.cell import identify as identify
-from cellwright.identification.compensation import (
-    compare_temperature_laws as compare_temperature_laws,
-)
 from cellwright.identification.compensation import identify_without as identify_without
 from cellwright.identification.compensation import predict_left_out as predict_left_out
 from cellwright.identification.export import export_model as export_model

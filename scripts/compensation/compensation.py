@@ -1,4 +1,4 @@
-"""Which law over temperature predicts best the temperatures that were left out of the fit."""
+"""Fitted tests at a temperature, predicted by a model that does not know it."""
 
 import cellwright as cw
 from runtime import artefact, job_inputs
@@ -7,6 +7,7 @@ with artefact.Job(snakemake) as job:
     params, inputs = snakemake.params, snakemake.input
     reduced = job_inputs.models_without(inputs.left_out)
     about = (params.cell, job.load(inputs.whole), reduced, job_inputs.tests(inputs.series))
-    found = cw.compare_temperature_laws(*about, split_rest_second=params.split_rest_second)
+    settings = {"split_rest_second": params.split_rest_second}
+    found = cw.predict_left_out(*about, validation=False, **settings)
     job.note(*found.notes)
     job.save(found.rows)

@@ -5,7 +5,6 @@ from itertools import cycle
 import numpy as np
 
 from cellwright.circuits.model_file import std_of_r0
-from cellwright.circuits.temperature import LAW_IN_WORDS
 from cellwright.numerics.statistics import rms
 from figures import style
 from figures.style import thinned
@@ -119,14 +118,14 @@ def _with_spread(panel, x, values, std, look):
     panel.errorbar(x, 1e3 * _numbers(values), yerr=spread, **points, **look)
 
 
-def draw_compensation(laws, proof):
+def draw_compensation(fitted, proof):
     """Errors at temperatures left out of the fit, beside those of the model fitted with them.
 
-    `laws` and `proof` are rows of stages `compensation` and `temperature_prediction`.
+    `fitted` and `proof` are rows of stages `compensation` and `temperature_prediction`.
     """
     height = 1.6 + 0.3 * max(len(proof), 5)
     figure, axes = style.subplots(1, 2, height=height, width=10.0)
-    _error_of_laws(axes[0, 0], laws)
+    _error_at_temperatures(axes[0, 0], fitted)
     if proof:
         _error_of_tests(axes[0, 1], sorted(proof, key=lambda row: row["left_out_celsius"]))
     else:
@@ -134,24 +133,17 @@ def draw_compensation(laws, proof):
     return figure
 
 
-def _error_of_laws(axes, rows):
-    """Error of each law at each temperature left out, root mean square over its tests."""
-    names = list(dict.fromkeys(row["law"] for row in rows))
-    for colour, name in zip(style.SERIES, names, strict=False):
-        of_law = [row for row in rows if row["law"] == name]
-        celsius = sorted({row["left_out_celsius"] for row in of_law})
-        volts = [[r["rmse_volt"] for r in of_law if r["left_out_celsius"] == t] for t in celsius]
-        error = [1e3 * rms(v) for v in volts]
-        places = {"beyond" if row["beyond"] else "inside" for row in of_law if row["chosen"]}
-        label = LAW_IN_WORDS[name]
-        label += f" (chosen {' and '.join(sorted(places, reverse=True))})" if places else ""
-        axes.plot(celsius, error, "o-", color=colour, label=label)
-    fitted = {row["left_out_celsius"]: 1e3 * row["own_rmse_volt"] for row in rows}
-    axes.plot(
-        *zip(*sorted(fitted.items()), strict=True), "_", color=style.QUIET, label="fitted with it"
-    )
-    axes.set(xlabel="temperature left out [°C]", ylabel="RMS error [mV]", yscale="log")
-    axes.set_title("Tests of the fit: which law")
+def _error_at_temperatures(axes, rows):
+    """Error at each temperature, fitted without it and with it, root mean square over its tests."""
+    celsius = sorted({row["left_out_celsius"] for row in rows})
+    for name, label, colour in (
+        ("rmse_volt_soc_5_95", "left out", style.SERIES[0]),
+        ("own_rmse_volt_soc_5_95", "fitted with it", style.QUIET),
+    ):
+        volts = [[r[name] for r in rows if r["left_out_celsius"] == t] for t in celsius]
+        axes.plot(celsius, [1e3 * rms(v) for v in volts], "o-", color=colour, label=label)
+    axes.set(xlabel="temperature [°C]", ylabel="RMS error, SoC 5–95 % [mV]", yscale="log")
+    axes.set_title("Tests of the fit")
     style.legend_once(axes)
 
 

@@ -146,7 +146,7 @@ DRAW = {
     "relaxation": lambda of: relaxation.draw_relaxation(artefact.load_all(of.rests)),
     "polarisation": lambda of: relaxation.draw_polarisation(_rows(of.points), _rows(of.laws)),
     "parameters": lambda of: models.draw_parameters(load(of.model)),
-    "compensation": lambda of: models.draw_compensation(_rows(of.laws), _rows(of.proof)),
+    "compensation": lambda of: models.draw_compensation(_rows(of.fitted), _rows(of.proof)),
     "validation": lambda of: models.draw_validation(load(of.series), _rows(of.scores), of.test),
     "soc": lambda of: models.draw_soc(load(of.series), _rows(of.scores), of.test),
     "pack": lambda of: packs.draw_pack(load(of.series), _rows(of.scores), of.test),

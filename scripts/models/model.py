@@ -11,7 +11,7 @@ with artefact.Job(snakemake) as job:
         artefact.load_first(inputs.basis),
         job_inputs.tests(inputs.series),
         left_out=job_inputs.tests(inputs.left_out),
-        laws=[tried for tried, _ in artefact.load_all(inputs.law)],
+        left_out_temperatures=[rows for rows, _ in artefact.load_all(inputs.temperatures)],
         effects=artefact.load_first(inputs.effects),
         split_rest_second=params.split_rest_second,
     )

@@ -3,9 +3,9 @@
 from cellwright.packs.wiring import described, rows_below, wiring_of
 from runtime.page_tables import link, plain_table
 
-# In the sentences of a simulation that its reader must know: of swapped cells, and of cells that
-# are simulated at a temperature that they were not tested at.
-GRAVE = ("swapped channels?", "simulated as at the one temperature")
+# In the sentences of a simulation that its reader must know: of swapped cells, and of cells whose
+# resistance no test tells at the temperature that they are simulated at.
+GRAVE = ("swapped channels?", "no test tells how its resistance")
 TABLES = (
     "packs",
     "pack_findings",

@@ -136,8 +136,28 @@ def test_a_simulation_says_where_it_leaves_its_model():
     assert "leaves 0 to 1 at 1836 s" in told[0]
     assert "-3.5 to -0.01" in told[0]
     assert "The voltage falls to" in told[-1]
-    (warm,) = simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=85.0).notes
+    warm, usual = simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=85.0).notes
     assert "the temperature of 85 to 85 °C lies outside" in warm
+    assert "One temperature was tested, 25 °C: at others resistances follow" in usual
+
+
+def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():
+    model, load = model_of_tests(), {"test_time_second": [0.0, 60.0], "current_ampere": [-1.0] * 2}
+    (member,) = model["members"]
+    cold = member["conditions"][0] | {"ambient_temperature_celsius": 0.0}
+    model["members"] = [member | {"conditions": [*member["conditions"], cold]}]
+    errors = {"rmse_volt": 0.026, "own_rmse_volt": 0.014, "model": "R", "beyond": True}
+    model["left_out_temperatures"] = [
+        errors | {"ambient_temperature_celsius": celsius} for celsius in (0.0, 25.0)
+    ]
+    notes = [
+        cw.simulate(model, load, initial_soc=0.8, temperature_celsius=celsius).notes
+        for celsius in (12.0, -20.0)
+    ]
+    assert notes[0] == ()
+    assert len(notes[1]) == 2
+    assert "Where the tests at 0 °C" in notes[1][1]
+    assert "R erred by 26 mV there (SoC 5 to 95 %), fitted with them by 14 mV" in notes[1][1]
 
 
 def test_a_cell_that_is_charged_to_full_is_not_beyond_it():

@@ -1,6 +1,6 @@
-# The compensated model: each temperature left out of the fit and predicted from the others.
+# How far models reach over temperature: each one left out of the fit and predicted from the others.
 
-# Two temperatures are the least that a law can go through, and one is left out.
+# Two temperatures are the least that tell a law, and one is left out.
 LEAVES_OUT = config["models"]["leave_temperatures_out"]
 COMPENSATED = dict.fromkeys(
     cell for cell in CELLS if LEAVES_OUT and cell in EXCITED and len(FITS.fit_celsius(cell)) >= 3
@@ -43,7 +43,7 @@ rule compensation:
         split_rest_second=config["models"]["split_rest_second"],
         cell=cell_facts,
     message:
-        "Compare laws over temperature of {wildcards.cell}: each temperature predicted from the others."
+        "Predict the fitted tests of {wildcards.cell} at each temperature from the others."
     script:
         "../../scripts/compensation/compensation.py"
 
@@ -52,7 +52,6 @@ rule temperature_prediction:
     input:
         whole="results/stages/identify/{cell}.json",
         left_out=own(FITS.left_out_models),
-        laws="results/stages/compensation/{cell}.parquet",
         series=own(partial(FITS.predictable, roles=["validation", "split"])),
     output:
         "results/stages/temperature_prediction/{cell}.parquet",

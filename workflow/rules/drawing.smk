@@ -122,7 +122,7 @@ def figures_of_models(cell):
     if cell in MODELLED:
         yield figure("parameters", model=f"results/models/{cell}.json")
     if cell in COMPENSATED:
-        parts = of_cell(cell, laws="compensation", proof="temperature_prediction")
+        parts = of_cell(cell, fitted="compensation", proof="temperature_prediction")
         yield figure("compensation", **parts)
     if cell in SEARCHED:
         yield from figures_of_effect(cell, EFFECT_FIGURES)

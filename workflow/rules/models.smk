@@ -111,8 +111,8 @@ rule given_model:
         "../../scripts/models/given_model.py"
 
 
-def law_of(wildcards):
-    """What chose the law over temperature of a cell, where temperatures were left out."""
+def left_out_temperatures(wildcards):
+    """How far a cell's model reaches over temperature, where temperatures were left out."""
     found = f"results/stages/compensation/{wildcards.cell}.parquet"
     return [found] if wildcards.cell in COMPENSATED else []
 
@@ -121,7 +121,7 @@ rule model:
     input:
         source=FITS.source_of_model,
         basis=where(IDENTIFIED, "results/stages/basis/{}.json"),
-        law=law_of,
+        temperatures=left_out_temperatures,
         effects=where(SEARCHED, "results/missing_effect/{}/model.json"),
         series=own(SEARCHES.choice_series),
         left_out=own(SEARCHES.left_out_series),

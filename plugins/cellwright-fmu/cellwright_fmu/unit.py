@@ -34,7 +34,7 @@ MAGIC = b"cellwright-fmu/1"
 NAME_BYTES = 32
 UNKNOWN_SOC = 0.5  # what a unit starts at where no start is stated; its description says so
 BETWEEN_KELVIN = 2.0  # largest distance of two temperatures of the tables between measured ones
-BEYOND_STEPS = 6  # in so many steps where resistances follow a law, else in half of them
+BEYOND_STEPS = 3  # so many tables beyond either end, where resistances follow an Arrhenius law
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -81,17 +81,17 @@ def unit_temperatures(models):
     measured = sorted(value for value in stated if np.isfinite(value))
     if not measured:
         return None
-    warm = any(c.get("activation_energy_joule_per_mole") for c in conditions)
-    if len(measured) == 1 and not warm:
+    energies = [condition.get("activation_energy_joule_per_mole") for condition in conditions]
+    if len(measured) == 1 and not any(energy is None or energy for energy in energies):
         return measured
+    warmed = max(c.get("activation_energy_kelvin") or 0.0 for c in conditions)
+    near = (measured[0] - warmed, measured[-1] + warmed)
     inner = np.arange(measured[0], measured[-1], BETWEEN_KELVIN)
-    lawful = any("resistance_laws" in condition for condition in conditions)
-    steps = BEYOND_STEPS if lawful else BEYOND_STEPS // 2
     ends = [
-        *np.linspace(measured[0] - BEYOND_KELVIN, measured[0], steps, endpoint=False),
-        *np.linspace(measured[-1] + BEYOND_KELVIN, measured[-1], steps, endpoint=False),
+        *np.linspace(measured[0] - BEYOND_KELVIN, measured[0], BEYOND_STEPS, endpoint=False),
+        *np.linspace(measured[-1] + BEYOND_KELVIN, measured[-1], BEYOND_STEPS, endpoint=False),
     ]
-    return sorted({round(float(value), 6) for value in (*measured, *inner, *ends)})
+    return sorted({round(float(value), 6) for value in (*measured, *near, *inner, *ends)})
 
 
 def unit_of(pack, *, alone, points, largest_step_second, documents):

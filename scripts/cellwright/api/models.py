@@ -6,7 +6,7 @@ from cellwright.circuits.parameters import parameter_rows
 from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.effects.member import finished
 from cellwright.filters.learnt import with_learnt_noise
-from cellwright.identification.compensation import laws_kept, with_laws
+from cellwright.identification.compensation import with_laws
 from cellwright.identification.in_use import (
     beside_particle,
     fitted_records,
@@ -30,17 +30,17 @@ def finish_model(
     tests=(),
     *,
     left_out=(),
-    laws=(),
+    left_out_temperatures=(),
     effects=None,
     split_rest_second=MODELS.split_rest_second,
 ):
-    """A model ready for use: its law over temperature, the effects found, its member chosen.
+    """A model ready for use: the effects found, its member chosen, its laws over temperature.
 
     model : result of `identify`, of `borrow_model` or of `identify_branches`, or path of its file.
     basis, tests : only for a model of the cell's own tests.
     left_out : whole tests for validation; a member with effects is chosen only if it wins there.
     The chosen member learns the noise of the filters from `tests` (docs/soc-filters.md).
-    laws : results of `compare_temperature_laws`.
+    left_out_temperatures : results of `predict_left_out` on fitted tests, or none.
     effects : `model` of the result of `missing_effect`, or None.
 
     Returns content: schema cellwright-model/2; parameters, choice. Raises Refusal: a group's
@@ -48,9 +48,6 @@ def finish_model(
     """
     facts = inputs.cell_facts(cell)
     content = model_content(model, cell=facts.cell)
-    # The law first: whether an effect helps is judged with the temperatures as they will be used.
-    for law in laws:
-        content = with_laws(content, laws_kept(inputs.rows(law)))
     content, choice = finished(
         content,
         None if basis is None else inputs.basis(basis),
@@ -71,7 +68,8 @@ def finish_model(
             content, choice = with_parts(content, choice, task, conditions)
         records = [[one.record for one in condition] for condition in fitted]
         content = with_intervals(with_learnt_noise(content, records), fitted)
-    return _with_choice(content, choice)
+    errors = [row for result in left_out_temperatures for row in inputs.rows(result)]
+    return _with_choice(with_laws(content, errors), choice)
 
 
 def _with_choice(content, choice):

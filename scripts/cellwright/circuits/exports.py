@@ -14,6 +14,7 @@ from cellwright.circuits.model_file import (
     standing_in,
 )
 from cellwright.circuits.temperature import (
+    COLD_KELVIN,
     SMALLEST,
     celsius_of,
     coldest_first,
@@ -104,7 +105,7 @@ def particle_tables(model):
         "celsius": cell.celsius,
         **{name: document[name] for name in particle.SCALES},
         "reference_celsius": REFERENCE_CELSIUS,
-        "bend_celsius": particle.COLD_KELVIN - ZERO_CELSIUS_KELVIN,
+        "bend_celsius": COLD_KELVIN - ZERO_CELSIUS_KELVIN,
         "stop_widths": particle.TURN_SHARE * WIDTHS,
         "numbers": {p.name: document[p.name][0] for p in particle.PARTS if not p.knots},
         "courses": courses,

@@ -16,6 +16,7 @@ from cellwright.refusal import Refusal
 
 SMALLEST, LARGEST = 1e-6, 1e6  # Ah, as config/cells.tsv allows for a rating
 LARGEST_OHM, LARGEST_VOLT = 1e6, 1e4
+ENERGY, LARGEST_ENERGY = "activation_energy_joule_per_mole", 1e6  # J/mol
 # Names of parameters of branches that begin or end so: least and largest value.
 RANGES = {
     "r_": (0.0, LARGEST_OHM),
@@ -55,6 +56,8 @@ def refuse_unusable(model: Mapping, cell: str | None = None) -> None:
 def _refuse_unusable_condition(place, condition):
     _columns(place, condition, {"r0_ohm": RANGES["r_"]})
     needs(place, condition, "branches")
+    if condition.get(ENERGY) is not None:
+        refuse_beyond(f"{place}.{ENERGY}", condition[ENERGY], -LARGEST_ENERGY, LARGEST_ENERGY)
     for where, branch in each(f"{place}.branches", condition["branches"], least=0):
         kind = branch.get("kind", "RC")
         if kind not in KINDS:

@@ -11,9 +11,9 @@ from cellwright.circuits.temperature import (
     SMALLEST,
     coldest_first,
     continued_ocv_at,
-    factor_beyond,
-    law_weights,
-    laws_of,
+    kind_of_resistance,
+    laws_over_temperature,
+    log_factor,
     mixed_by,
     mixed_resistances,
     scaled_soc,
@@ -189,12 +189,10 @@ class Simulated(NamedTuple):
 def circuit_at(conditions, soc, temperature_celsius):
     """Circuit of a member with its parameters at every SoC and temperature.
 
-    Linear in SoC inside each condition and held flat outside its knots; between two temperatures
-    the logarithms of the sums of the resistances of one kind (ohmic, kinetic, relaxing) and of
-    every other parameter are linear in 1/T (an Arrhenius law through the two); outside the
-    measured temperatures resistances follow the condition's `activation_energy_joule_per_mole`
-    where it has one, all else is held flat. OCV shifts are linear in 1/T themselves. Where the
-    conditions name `resistance_laws`, the sums follow them (`law_weights`).
+    Linear in SoC inside each condition and held flat outside its knots. The logarithms of the sums
+    of the resistances of one kind (ohmic, kinetic, relaxing) follow `laws_over_temperature`, and
+    meet what was identified at each temperature; those of every other parameter are linear in 1/T,
+    as OCV shifts are themselves, and held flat outside the measured temperatures.
 
     Parameters
     ----------
@@ -210,14 +208,15 @@ def circuit_at(conditions, soc, temperature_celsius):
     ------
     Refusal : no condition, or no temperature where there are several conditions.
     """
-    # ASSUME: Between two measured temperatures every model parameter follows an Arrhenius law.
-    # ASSUME: Outside the measured range of SoC or temperature the model keeps its last value.
+    # ASSUME: Outside the measured range of SoC a model keeps its last value; outside that of
+    # temperature all but its resistances does.
     conditions, measured = coldest_first(conditions)
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), np.shape(soc))
     weights = temperature_weights(measured, celsius)
     elements = [_elements(condition) for condition in conditions]
-    by_law = law_weights(measured, celsius, laws_of(conditions))
-    beyond = factor_beyond(conditions, measured, celsius)
+    kinds = [kind_of_resistance(kind) for kind, _ in elements[0]]
+    laws = laws_over_temperature(conditions)
+    factors = [log_factor(law, measured, celsius) for law in laws]
 
     def courses(index, name):
         pairs = zip(conditions, elements, strict=True)
@@ -228,13 +227,17 @@ def circuit_at(conditions, soc, temperature_celsius):
     def mixed(index, name):
         pairs = [(conditions[k], elements[k][index][1][name]) for k in met]
         logs = [np.log(np.maximum(_course(c, values, soc), SMALLEST)) for c, values in pairs]
-        factor = beyond if name in instrument.WARMED else 1.0
-        return factor * np.exp(mixed_by([weights[k] for k in met], logs))
+        by_law = sum(
+            factor
+            for law, factor in zip(laws, factors, strict=True)
+            if name in instrument.WARMED and kinds[index] in law.kinds
+        )
+        return np.exp(mixed_by([weights[k] for k in met], logs) + by_law)
 
     resistive = [k for k, (_, parameters) in enumerate(elements[0]) if "r_ohm" in parameters]
-    origins = [elements[0][k][0] for k in resistive]
-    resistances = beyond * mixed_resistances(
-        [courses(k, "r_ohm") for k in resistive], origins, weights, by_law
+    resistances = mixed_resistances(
+        *([courses(k, "r_ohm") for k in resistive], [kinds[k] for k in resistive]),
+        *(weights, laws, factors),
     )
     by_index = dict(zip(resistive, resistances, strict=True))
     circuit = [

@@ -26,12 +26,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.cell import ocv_and_slope
-from cellwright.circuits.temperature import table_soc, temperature_weights
+from cellwright.circuits.temperature import BEND_REFERENCE, table_soc, temperature_weights
 from cellwright.native import array, count, function, real
 from cellwright.numerics.clock import checked_columns
 from cellwright.numerics.hysteresis import STOPS, WIDTHS, preisach
 from cellwright.numerics.lags import lag_weights
-from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.lines import (
+    FARADAY,
+    GAS_CONSTANT,
+    REFERENCE_KELVIN,
+    ZERO_CELSIUS_KELVIN,
+)
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.refusal import Refusal
 
@@ -40,9 +45,6 @@ SHELLS = 14
 FINER_OUTSIDE = 1.6  # power that makes the shells thinner towards the surface
 LONGEST_SECOND = 30.0  # of one implicit step of the diffusion
 COUNTED_SECOND = 0.5  # of a step, in which a counter tells the charge better than two currents do
-REFERENCE_KELVIN = REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN
-COLD_KELVIN = 248.15  # −25 °C, at which the bend of an Arrhenius line is stated
-BEND_REFERENCE = 1.0 / COLD_KELVIN - 1.0 / REFERENCE_KELVIN  # 1/K
 TRANSFER_PARTS = 3  # of a step, in each of which charge transfer sees one current
 STAGE = 1.0 - 0.5**0.5  # of a step of the diffusion, in either of two that make one second order
 NEARLY_NONE = 1e-3  # below which a series serves

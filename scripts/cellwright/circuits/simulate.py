@@ -4,7 +4,8 @@ import numpy as np
 
 from cellwright.circuits import inputs as given
 from cellwright.circuits.messages import say
-from cellwright.circuits.model_file import in_use, simulate_model
+from cellwright.circuits.model_file import in_use, member_of, simulate_model
+from cellwright.circuits.particle import NAME
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
@@ -47,8 +48,31 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
     columns |= {"ocv_volt": run.ocv_volt, "voltage_volt": run.voltage_volt}
     return Result(
-        {"columns": columns}, {"member": member}, tuple(_left_model(columns, celsius, run))
+        {"columns": columns},
+        {"member": member},
+        (*_left_model(columns, celsius, run), *_reach(model, member, celsius, run)),
     )
+
+
+def _reach(model, member, celsius, run):
+    """Notes on how far a circuit reaches, where a simulation leaves the temperatures it knows."""
+    if member == NAME or not np.any(run.outside_temperature):
+        return
+    outside = celsius[run.outside_temperature]
+    conditions = member_of(model, member)["conditions"]
+    if len(conditions) == 1 and conditions[0].get("activation_energy_joule_per_mole") is None:
+        stated = conditions[0]["ambient_temperature_celsius"]
+        yield say("left_model.one_temperature", celsius=stated)
+    for entry in model.get("left_out_temperatures", ()):
+        at, without, own = (
+            entry[n] for n in ("ambient_temperature_celsius", "rmse_volt", "own_rmse_volt")
+        )
+        colder = at < np.mean([c["ambient_temperature_celsius"] for c in conditions])
+        beyond = outside < at if colder else outside > at
+        if entry["beyond"] and entry["model"] == member and beyond.any():
+            fields = {"celsius": at, "model": member}
+            fields |= {"without_mv": 1e3 * without, "own_mv": 1e3 * own}
+            yield say("left_model.temperature_error", **fields)
 
 
 def _left_model(columns, celsius, run):

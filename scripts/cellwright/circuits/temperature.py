@@ -1,14 +1,16 @@
-"""Parameters between and beyond the measured temperatures: weights, OCV tables, laws."""
+"""Parameters between and beyond the measured temperatures: weights, OCV tables, the one law."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.cell import continued
-from cellwright.numerics.lines import GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.circuits.circuit import KINDS
+from cellwright.numerics.lines import GAS_CONSTANT, REFERENCE_KELVIN, ZERO_CELSIUS_KELVIN
 from cellwright.refusal import Refusal
 
 SMALLEST = 1e-9  # of any parameter: the logarithm of none would be −∞
+LAW_POINTS = 9  # over SoC, of whose logarithms a law follows the mean
 
 
 def ocv_at(tables, soc, temperature_celsius):
@@ -136,135 +138,202 @@ def celsius_of(value):
     return np.nan if value is None else float(value)
 
 
-LAWS = ("between", "arrhenius", "quadratic")  # place: degree of the polynomial in 1/T
-LAW_IN_WORDS = dict(zip(LAWS, ("interpolation", "Arrhenius", "quadratic"), strict=True))
+class EnergyPrior(NamedTuple):
+    """What is known of the activation energy of a kind of resistance before a cell tells it.
+
+    mean, std : of the energy [J/mol]. scatter : of ln R at one temperature about the law.
+    """
+
+    mean: float
+    std: float
+    scatter: float
+
+
+# ASSUME: Activation energies lie about what cells of graphite with layered oxides or iron phosphate
+# show: charge transfer is steepest, electrolyte and contacts are flattest, what relaxes later is
+# told worst. They may change over temperature ("bend"). The scatter is the most likely one of the
+# circuits of four cells.
+ENERGIES = {
+    "ohmic": EnergyPrior(12e3, 10e3, 0.07),
+    "kinetic": EnergyPrior(50e3, 15e3, 0.1),
+    "relaxing": EnergyPrior(30e3, 20e3, 0.2),
+}
+BEND_STD, UNKNOWN = 15e3, 1e6  # J/mol
+COLD_KELVIN = 248.15  # −25 °C, at which the bend of an Arrhenius line is stated
+BEND_REFERENCE = 1.0 / COLD_KELVIN - 1.0 / REFERENCE_KELVIN  # 1/K
 LEAST_SHARE = 0.02  # of all resistance: less is too little to have an activation energy of its own
 
 
-class Laws(NamedTuple):
-    """Law of ln R over 1/T inside the measured temperatures and beyond them, each one of LAWS."""
+class Law(NamedTuple):
+    """How the logarithm of a resistance goes over 1/T, where it is not identified.
 
-    inside: str = LAWS[0]
-    beyond: str = LAWS[0]
+    kinds : names in ENERGIES of the resistances whose sum it is of, the largest first.
+    bend_joule_per_mole : how the activation energy changes between the measured temperatures: by
+        twice of it from 25 to −25 °C. cold_joule_per_mole, warm_joule_per_mole : activation energy
+        below the coldest of them and above the warmest. Each has its standard deviation.
+    near_joule_per_mole : activation energy as far as near_kelvin beyond either instead [K].
+    """
+
+    kinds: tuple
+    bend_joule_per_mole: float
+    cold_joule_per_mole: float
+    warm_joule_per_mole: float
+    bend_std_joule_per_mole: float | None = None
+    cold_std_joule_per_mole: float | None = None
+    warm_std_joule_per_mole: float | None = None
+    near_joule_per_mole: float = 0.0
+    near_kelvin: float = 0.0
 
 
-def law_weights(measured, temperature, laws):
-    """Weight of each measured temperature in a logarithm that follows a law in 1/T.
+def fitted_law(kinds, celsius, log_ohm):
+    """Law of a resistance by its values and by what is known of cells.
 
-    A polynomial in 1/T through all measured temperatures by least squares ("arrhenius": a line,
-    "quadratic": a parabola), and what it leaves at each of them linear in between: what was
-    measured is met. "between" has no polynomial, and is held flat beyond.
+    The bend is of all temperatures, either energy beyond them of the outermost two: what is far
+    away says little of how a resistance goes on. One temperature leaves all as it is known.
 
     Parameters
     ----------
-    measured : (c,) measured temperatures, ascending [degC]. temperature : (n,) [degC].
-    laws : Laws, inside the measured range and beyond it.
+    kinds : names in ENERGIES, the first of which states what is known. celsius : (c,) ascending
+        [degC]. log_ohm : (c,) logarithm of the resistance.
 
     Returns
     -------
-    weights : list of (n,), one a measured temperature; they add up to 1.
-
-    Raises
-    ------
-    Refusal : as `temperature_weights`; a law of another name.
+    law : Law.
     """
-    unknown = set(laws) - set(LAWS)
-    if unknown:
-        raise Refusal(
-            f"law over temperature {min(unknown)!r} is unknown; allowed are {', '.join(LAWS)}"
-        )
-    nearest = np.clip(temperature, measured[0], measured[-1])
-    by_inside, by_beyond, at_edge = (
-        _by_polynomial(measured, *settings)
-        for settings in ((nearest, laws.inside), (temperature, laws.beyond), (nearest, laws.beyond))
-    )
-    return list((by_inside + by_beyond - at_edge).T)
+    prior, celsius, log_ohm = ENERGIES[kinds[0]], np.asarray(celsius), np.asarray(log_ohm)
+    _, bend = _posterior(prior._replace(std=UNKNOWN), _line_and_bend(celsius), log_ohm)
+    cold = _energy_beyond(prior, celsius[:2], log_ohm[:2])
+    warm = _energy_beyond(prior, celsius[-2:][::-1], log_ohm[-2:][::-1])
+    return Law(tuple(kinds), *(pair[k] for k in (0, 1) for pair in (bend, cold, warm)))
 
 
-def _by_polynomial(measured, temperature, law):
-    straight = np.array(temperature_weights(measured, temperature)).T
-    if law == LAWS[0] or len(measured) == 1:
-        return straight
-    degree = min(LAWS.index(law), len(measured) - 1)
-    at_measured, at_temperature = (
-        _powers(celsius, degree, measured) for celsius in (measured, temperature)
-    )
-    fitted = np.linalg.pinv(at_measured)
-    return at_temperature @ fitted + straight @ (np.eye(len(measured)) - at_measured @ fitted)
+def _energy_beyond(prior, celsius, log_ohm):
+    """Energy and its deviation at the first of two temperatures [J/mol]: from their middle to there
+    it may change, so that their slope does not tell all of it."""
+    outermost = 1.0 / (celsius[0] + ZERO_CELSIUS_KELVIN)
+    return _posterior(prior, _line_and_bend(celsius, about=outermost), log_ohm)[0]
 
 
-def _powers(celsius, degree, measured):
-    """Columns of a polynomial in 1/T, scaled to the measured range."""
-    inverse = 1.0 / (np.asarray(celsius) + ZERO_CELSIUS_KELVIN)
-    ends = 1.0 / (np.asarray(measured)[[0, -1]] + ZERO_CELSIUS_KELVIN)
-    return np.vander((inverse - ends.mean()) / (ends[0] - ends[1]), degree + 1)
+def _posterior(prior, design, log_ohm):
+    """Energy where its column is 0, and bend, each with its standard deviation [J/mol]."""
+    # One temperature, known or not, tells no slope.
+    pairs = (design / GAS_CONSTANT, log_ohm)
+    design, off = (np.nan_to_num(one - one.mean(axis=0)) for one in pairs)
+    about = np.diag([prior.std**-2.0, BEND_STD**-2.0])
+    told = design.T @ off / prior.scatter**2 + about[0] * prior.mean
+    covariance = np.linalg.inv(design.T @ design / prior.scatter**2 + about)
+    pairs = zip(covariance @ told, np.sqrt(np.diag(covariance)), strict=True)
+    return [(float(value), float(std)) for value, std in pairs]
 
 
-def mixed_resistances(courses, origins, weights, by_law):
-    """Resistances (m, n) between temperatures [ohm]: sums per origin by a law.
+def log_factor(law, measured, celsius):
+    """Logarithm (n,) of what the law adds to a resistance that is mixed linearly in 1/T.
 
-    The shares of a sum are linear in 1/T.
-
-    Ions in the electrolyte, charge transfer and diffusion have activation energies of their own. A
-    resistance that is zero at one temperature and not at the next has no logarithm to mix: so it is
-    the sums that are mixed, and an origin that hardly counts somewhere joins the others.
+    Between measured temperatures its bend, which is nothing at each of them; beyond them its
+    activation energies, by which no resistance rises with temperature. 0 of what is not known.
 
     Parameters
     ----------
-    courses : (m, c, n) at each of c temperatures [ohm]. origins : m names, one a resistance.
-    weights : c of (n,), of the shares.
-    by_law : c of (n,), of the logarithm of the sum, see `law_weights`.
+    law : Law. measured : (c,) temperatures, ascending [degC]. celsius : (n,) [degC].
     """
-    courses, mixed = np.array(courses), np.zeros((len(courses), len(by_law[0])))
-    for rows in _by_origin(courses, origins):
-        totals = np.maximum(courses[rows].sum(axis=0), SMALLEST)
-        total = np.exp(mixed_by(by_law, np.log(totals)))
-        mixed[rows] = total * np.array(
-            [mixed_by(weights, course / totals) for course in courses[rows]]
-        )
-    return mixed
+    if np.isnan(measured).any():
+        return np.zeros(len(celsius))
+    nearest = np.clip(celsius, measured[0], measured[-1])
+    bent = _line_and_bend(nearest)[:, 1] - mixed_by(
+        temperature_weights(measured, nearest), _line_and_bend(measured)[:, 1]
+    )
+    near = np.clip(celsius, measured[0] - law.near_kelvin, measured[-1] + law.near_kelvin)
+    courses = [_line_and_bend(course)[:, 0] for course in (nearest, near, celsius)]
+    close, beyond = np.diff(courses, axis=0)
+    energy = np.where(beyond > 0, law.cold_joule_per_mole, law.warm_joule_per_mole)
+    factor = law.bend_joule_per_mole * bent + law.near_joule_per_mole * close
+    return np.nan_to_num(factor + np.maximum(energy, 0.0) * beyond) / GAS_CONSTANT
 
 
-def _by_origin(courses, origins):
-    """Rows of each origin; one below `LEAST_SHARE` somewhere is joined to the next larger one."""
-    whole = np.maximum(courses.sum(axis=0), SMALLEST)
+def _line_and_bend(celsius, about=1.0 / REFERENCE_KELVIN):
+    """Columns (n, 2) that an activation energy and its bend multiply [1/K], 0 at 1/T `about`."""
+    inverse = 1.0 / (np.asarray(celsius, float) + ZERO_CELSIUS_KELVIN) - about
+    return np.column_stack([inverse, inverse**2 / BEND_REFERENCE])
 
-    def least(rows):
-        return (courses[rows].sum(axis=0) / whole).min()
 
-    groups = [
-        [k for k, other in enumerate(origins) if other == name] for name in dict.fromkeys(origins)
-    ]
-    groups.sort(key=least)
+def kind_of_resistance(branch_kind):
+    """Name in ENERGIES of the resistance of a branch, by the name of its kind."""
+    kind = KINDS[branch_kind]
+    if kind.of_charge_transfer:
+        return "kinetic"
+    return "ohmic" if kind.lags is KINDS["R"].lags else "relaxing"
+
+
+def laws_over_temperature(conditions):
+    """Laws of a member's resistances over temperature: one definition for all that simulates it.
+
+    Ions in the electrolyte, charge transfer and diffusion have activation energies of their own. A
+    kind that hardly counts somewhere has no logarithm there: it joins the next larger one. Laws are
+    of the mean logarithm over the common SoC. A condition that is the only one keeps the energy
+    that it states, for all kinds: 0 of a table that is given. What its own warming told holds as
+    far as a cell warmed, `activation_energy_kelvin`: high currents lower the resistance of charge
+    transfer too, which then looks like warmth.
+
+    Parameters
+    ----------
+    conditions : sequence of condition dicts of a model file, coldest first.
+
+    Returns
+    -------
+    laws : list of Law; every kind in ENERGIES has one.
+    """
+    stated = conditions[0].get("activation_energy_joule_per_mole")
+    kelvin, near = conditions[0].get("activation_energy_kelvin"), {}
+    if len(conditions) == 1 and stated is not None:
+        if kelvin is None:
+            return [Law(tuple(ENERGIES), 0.0, float(stated), float(stated))]
+        near = {"near_joule_per_mole": float(stated), "near_kelvin": float(kelvin)}
+    ends = np.array([[c["soc"][0], c["soc"][-1]] for c in conditions], float)
+    soc = np.linspace(ends[:, 0].max(), ends[:, 1].min(), LAW_POINTS)
+    sums = {kind: np.zeros((len(conditions), LAW_POINTS)) for kind in ENERGIES}
+    for row, condition in enumerate(conditions):
+        sums["ohmic"][row] += np.interp(soc, condition["soc"], condition["r0_ohm"])
+        for branch in condition["branches"]:
+            if "r_ohm" in branch:
+                ohm = np.interp(soc, condition["soc"], branch["r_ohm"])
+                sums[kind_of_resistance(branch.get("kind", "RC"))][row] += ohm
+    celsius = [celsius_of(c["ambient_temperature_celsius"]) for c in conditions]
+    laws = []
+    for kinds in _joined(sums):
+        log_ohm = np.log(np.maximum(sum(sums[kind] for kind in kinds), SMALLEST))
+        laws.append(fitted_law(kinds, celsius, log_ohm.mean(axis=1))._replace(**near))
+    return laws
+
+
+def _joined(sums):
+    """Kinds by their law; one below `LEAST_SHARE` somewhere is joined to the next larger one."""
+    whole = np.maximum(sum(sums.values()), SMALLEST)
+
+    def least(kinds):
+        return (sum(sums[k] for k in kinds) / whole).min()
+
+    groups = sorted(((kind,) for kind in sums), key=least)
     while len(groups) > 1 and least(groups[0]) < LEAST_SHARE:
-        groups = sorted([groups[0] + groups[1], *groups[2:]], key=least)
+        groups = sorted([groups[1] + groups[0], *groups[2:]], key=least)
     return groups
 
 
-def factor_beyond(conditions, measured, celsius):
-    """Factor on resistances beyond the measured temperatures, 1 between them.
+def mixed_resistances(courses, kinds, weights, laws, factors):
+    """Resistances (m, n) between temperatures [ohm]: sums of the kinds of a law, by that law.
 
-    There they follow the activation energy of the nearest. Where they follow a law over all
-    temperatures, that law goes on instead: the factor is 1.
-
-    Parameters
-    ----------
-    conditions : sequence of condition dicts, coldest first. measured : (c,) their temperatures
-        [degC]. celsius : (n,) [degC].
-    """
-    energies = [c.get("activation_energy_joule_per_mole") or 0.0 for c in conditions]
-    if np.isnan(measured).any() or not any(energies) or laws_of(conditions).beyond != LAWS[0]:
-        return 1.0
-    nearest = np.clip(celsius, measured[0], measured[-1])
-    energy = np.where(celsius < measured[0], energies[0], energies[-1])
-    return np.where(np.isnan(celsius), 1.0, resistance_factor(celsius, nearest, energy))
-
-
-def laws_of(conditions):
-    """Laws over temperature of the resistances; the same in all conditions of a member.
+    The shares of a sum are linear in 1/T: a resistance that is zero at one temperature and not at
+    the next has no logarithm to mix.
 
     Parameters
     ----------
-    conditions : sequence of condition dicts.
+    courses : (m, c, n) at each of c temperatures [ohm]. kinds : m names in ENERGIES.
+    weights : c of (n,). laws : list of Law. factors : (n,) of each law, see `log_factor`.
     """
-    return Laws(**conditions[0].get("resistance_laws", {}))
+    courses, mixed = np.array(courses), np.zeros((len(courses), len(weights[0])))
+    for law, factor in zip(laws, factors, strict=True):
+        rows = [k for k, kind in enumerate(kinds) if kind in law.kinds]
+        totals = np.maximum(courses[rows].sum(axis=0), SMALLEST)
+        total = np.exp(mixed_by(weights, np.log(totals)) + factor)
+        for row in rows:
+            mixed[row] = total * mixed_by(weights, courses[row] / totals)
+    return mixed

@@ -327,7 +327,10 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
         entry = condition_entry(
             fitted.condition, ambient_temperature_celsius=fit_records.celsius, tests=tests
         )
-        entries[name] = entry | {"activation_energy_joule_per_mole": energy}
+        entries[name] = entry | {
+            "activation_energy_joule_per_mole": energy or None,
+            "activation_energy_kelvin": float(max(np.ptp(r.celsius) for r in fit_records.records)),
+        }
     table = _table(fit_records.celsius, data, curve)
     fitted = tuple(fit_records.records), data.records, blocks
     return Identified(table, entries, scores, notes, data.counted_std, fitted)

@@ -1,10 +1,8 @@
-"""Laws over temperature, tested by predicting a temperature that was left out of the model.
+"""The law over temperature, tested by predicting a temperature that was left out of the model.
 
-1. All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
-family is identified anew from the rest. 2. Each law over temperature predicts the tests
-that had been fitted there; the best over the inner temperatures and the best over the two at the
-edge are the ones that the cell's model keeps. 3. With them the tests for validation are predicted:
-they chose nothing.
+All tests at a temperature are taken away, its OCV curve with them, and the chosen member of the
+family is identified anew from the rest. It predicts the tests that had been fitted there, which
+tells how far the model reaches, and the tests for validation.
 """
 
 import numpy as np
@@ -16,9 +14,16 @@ from cellwright.circuits.model_file import (
     member_of,
     open_circuit_volt,
 )
-from cellwright.circuits.temperature import LAW_IN_WORDS, LAWS, Laws, celsius_of
+from cellwright.circuits.temperature import (
+    ENERGIES,
+    celsius_of,
+    coldest_first,
+    kind_of_resistance,
+    laws_over_temperature,
+)
 from cellwright.identification.cell import identify
 from cellwright.identification.intervals import simulated
+from cellwright.identification.messages import say
 from cellwright.identification.validation import is_inner
 from cellwright.numerics.statistics import rms
 from cellwright.records import inputs
@@ -29,7 +34,6 @@ from cellwright.result import Result
 from cellwright.settings import Models
 
 MODELS = Models()
-SMALLEST_VOLT = 1e-6
 
 
 def identify_without(
@@ -55,35 +59,13 @@ def identify_without(
     return found._replace(notes=tuple(notes))
 
 
-def compare_temperature_laws(
-    cell, whole, reduced, tests, *, split_rest_second=MODELS.split_rest_second
+def predict_left_out(
+    cell, whole, reduced, tests, *, validation=True, split_rest_second=MODELS.split_rest_second
 ):
-    """Errors [V] of each law over temperature at temperatures left out of the fit, the best chosen.
+    """Errors [V] of a model at temperatures that it was not fitted to.
 
     whole : the model of all temperatures. reduced : temperature [°C] → model without it.
-
-    Returns rows, one a test and law: errors [V], chosen. Raises Refusal: nothing was predicted.
-    Source: docs/temperature.md.
-    """
-    whole = given.model(whole)
-    models = {celsius: given.model(model) for celsius, model in reduced.items()}
-    measured = (inputs.cell_facts(cell), inputs.tests(tests))
-    rows, notes = predicted(whole, models, *measured, split_rest_second=split_rest_second)
-    # Beyond the tests a law by which resistance rises with temperature again is not offered.
-    offered, refused = laws_beyond(whole)
-    laws, words = choose_laws(rows, beyond=offered)
-    marked = [row | {"chosen": row["law"] == laws[row["beyond"]]} for row in rows]
-    notes = (words, *filter(None, [refused]), *notes)
-    return Result({"rows": marked}, notes=notes)
-
-
-def predict_left_out(
-    cell, whole, reduced, laws, tests, *, split_rest_second=MODELS.split_rest_second
-):
-    """Errors [V] on validation tests at temperatures that the predicting model was not fitted to.
-
-    whole, reduced : as of `compare_temperature_laws`. laws : its result, which law is kept.
-    tests : for validation.
+    validation : whether tests are those for validation, else those that are fitted.
 
     Returns rows, one a test: errors [V]. Source: docs/temperature.md.
     """
@@ -92,9 +74,7 @@ def predict_left_out(
         {celsius: given.model(model) for celsius, model in reduced.items()},
         inputs.cell_facts(cell),
         inputs.tests(tests),
-        laws=laws_kept(inputs.rows(laws)),
-        # Validation tests, which took part neither in the fits nor in the choice of the law.
-        proof=True,
+        proof=validation,
         split_rest_second=split_rest_second,
     )
     return Result({"rows": rows}, notes=tuple(notes))
@@ -125,37 +105,59 @@ def without(basis, tests, *, celsius):
     return basis | {"ocv": curves or basis["ocv"]}, remaining
 
 
-def with_laws(model, laws):
-    """A model whose resistances follow laws over temperature, in every member of the family.
+def with_laws(model, left_out=()):
+    """A model that states its laws over temperature, and how it errs where one was left out.
 
     Parameters
     ----------
-    model : dict of schema cellwright-model/2. laws : temperature.Laws.
+    model : dict of schema cellwright-model/2. left_out : rows of `predicted` on fitted tests.
+
+    Returns
+    -------
+    model : the same with `laws_over_temperature` in each member, as all that simulates it takes
+        them, and `left_out_temperatures`: of each its RMS error [V] at SoC 5 to 95 %, the mean of
+        its tests, without and with it in the fit.
     """
-    entry = {"resistance_laws": laws._asdict()}
     members = [
-        member | {"conditions": [condition | entry for condition in member["conditions"]]}
+        member
+        | {
+            "laws_over_temperature": [
+                law._asdict() | {"kinds": list(law.kinds)}
+                for law in laws_over_temperature(coldest_first(member["conditions"])[0])
+            ]
+        }
         for member in model["members"]
     ]
-    return model | {"members": members}
+    names = ("rmse_volt_soc_5_95", "own_rmse_volt_soc_5_95")
+    errors, words = [], []
+    for celsius in sorted({row["left_out_celsius"] for row in left_out}):
+        of_it = [row for row in left_out if row["left_out_celsius"] == celsius]
+        volt = {name.removesuffix("_soc_5_95"): rms([row[name] for row in of_it]) for name in names}
+        about = {"ambient_temperature_celsius": celsius, "beyond": of_it[0]["beyond"]}
+        errors.append(about | {"model": of_it[0]["model"]} | volt)
+        without_mv, own_mv = (1e3 * value for value in volt.values())
+        fields = {"celsius": celsius, "without_mv": without_mv, "own_mv": own_mv}
+        words.append(say("model.left_out_celsius", **fields))
+    said = [say("model.left_out_temperatures", listed=", ".join(words))] if words else []
+    notes = [*model.get("notes", ()), *said]
+    return model | {"members": members, "left_out_temperatures": errors, "notes": notes}
 
 
-def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest_second):
-    """Errors of models with and without a temperature in their fit, by law over temperature.
+def predicted(whole, reduced, cell, tests, *, proof=False, split_rest_second):
+    """Errors of models with and without a temperature in their fit.
 
     Parameters
     ----------
     whole : dict of the model of all temperatures. reduced : dict temperature [degC] → model
         identified without it.
     cell : CellFacts. tests : list of MeasuredTest, any temperature.
-    laws : temperature.Laws that are asked, or None: all are tried.
     proof : score what took no part in fits (roles validation, split), else what did (fit, split).
     split_rest_second : shortest rest that cuts a test of role `split` [s].
 
     Returns
     -------
-    rows : list of dict: left_out_celsius, predicted_test, law, model, beyond (an edge of the range
-        was left out, the law goes beyond what is known), rmse_volt, rmse_volt_soc_5_95,
+    rows : list of dict: left_out_celsius, predicted_test, model, beyond (an edge of the range was
+        left out, the law goes beyond what is known), rmse_volt, rmse_volt_soc_5_95,
         own_rmse_volt, own_rmse_volt_soc_5_95 of the model that knows the temperature, ratio of the
         two over SoC 5–95 %, extrapolated (share of samples beyond what the reduced model knows).
     notes : list of sentences, why a test is not among them.
@@ -170,108 +172,34 @@ def predicted(whole, reduced, cell, tests, *, laws=None, proof=False, split_rest
     ]
     for celsius, test in pairs:
         try:
-            rows += _rows(celsius, (whole, reduced[celsius]), cell, test, laws, settings)
+            rows.append(_row(celsius, (whole, reduced[celsius]), cell, test, settings))
         except Refusal as refusal:
             notes.append(f"not predicted: {test.facts.test}: {refusal}")
     return rows, notes
 
 
-def _rows(celsius, models, cell, test, laws, settings):
-    """Rows of one test, one per law; the errors of the whole model are the same in each."""
+def _row(celsius, models, cell, test, settings):
+    """Row of one test."""
     whole, reduced = models
     temperatures = [c["ambient_temperature_celsius"] for c in reduced["members"][0]["conditions"]]
     beyond = not min(temperatures) - BEYOND_KELVIN < celsius < max(temperatures) + BEYOND_KELVIN
-    tried = LAWS if laws is None else [laws.beyond if beyond else laws.inside]
-    # Each model has its own OCV, and so its own SoC at the start; a law changes neither.
+    # Each model has its own OCV, and so its own SoC at the start.
     known, unknown = (laid_out(test, model, cell, **settings) for model in models)
     name = whole["chosen"]
     own_volt, own_inner_volt, _ = _errors(whole, name, known)
-    about = {
+    volt, inner_volt, extrapolated = _errors(reduced, name, unknown)
+    return {
         "left_out_celsius": float(celsius),
         "predicted_test": test.facts.test,
         "model": name,
         "beyond": beyond,
+        "rmse_volt": volt,
+        "rmse_volt_soc_5_95": inner_volt,
+        "own_rmse_volt": own_volt,
+        "own_rmse_volt_soc_5_95": own_inner_volt,
+        "ratio": inner_volt / own_inner_volt,
+        "extrapolated": extrapolated,
     }
-    rows = []
-    for law in tried:
-        followed = with_laws(reduced, Laws(law, law))
-        volt, inner_volt, extrapolated = _errors(followed, name, unknown)
-        rows.append(
-            about
-            | {
-                "law": law,
-                "rmse_volt": volt,
-                "rmse_volt_soc_5_95": inner_volt,
-                "own_rmse_volt": own_volt,
-                "own_rmse_volt_soc_5_95": own_inner_volt,
-                "ratio": inner_volt / own_inner_volt,
-                "extrapolated": extrapolated,
-            }
-        )
-    return rows
-
-
-def choose_laws(rows, *, beyond=LAWS):
-    """The laws with the smallest mean logarithm of the error, inside the range and beyond it.
-
-    Inside the range "arrhenius" and "between" are one.
-
-    Parameters
-    ----------
-    rows : list of dict, from `predicted` with the tests that may be fitted.
-    beyond : names of the laws that may go on beyond the tested temperatures; see
-        `laws_beyond`.
-
-    Returns
-    -------
-    laws : temperature.Laws; "between" for what no temperature was left out of. words : a sentence
-        with their errors.
-
-    Raises
-    ------
-    Refusal : nothing was predicted.
-    """
-    if not rows:
-        raise Refusal("no temperature could be left out and predicted")
-    typical = [
-        _typical([row for row in rows if row["beyond"] is is_beyond]) for is_beyond in (False, True)
-    ]
-    offered = [
-        {k: v for k, v in errors.items() if k in names}
-        for errors, names in zip(typical, (LAWS, beyond), strict=True)
-    ]
-    laws = Laws(*(min(errors, key=errors.get, default=LAWS[0]) for errors in offered))
-    listed = [
-        f"{place} those tested by {LAW_IN_WORDS[law]}: typical error at a temperature left out "
-        + ", ".join(f"{LAW_IN_WORDS[name]} {1e3 * volt:.3g} mV" for name, volt in errors.items())
-        for place, law, errors in zip(("between", "beyond"), laws, typical, strict=True)
-        if errors
-    ]
-    return laws, "resistance at other temperatures: " + "; ".join(listed)
-
-
-def _typical(rows):
-    """Geometric mean of each law's error [V], rounded to 0.1 µV so that equal errors compare."""
-    logs = {
-        name: [np.log(max(row["rmse_volt"], SMALLEST_VOLT)) for row in rows if row["law"] == name]
-        for name in LAWS
-    }
-    return {name: round(float(np.exp(np.mean(some))), 7) for name, some in logs.items() if some}
-
-
-def laws_kept(tried):
-    """The laws that are marked as chosen in a table of tried ones.
-
-    Parameters
-    ----------
-    tried : list of dict, rows of `predicted` with `chosen`.
-
-    Returns
-    -------
-    laws : temperature.Laws.
-    """
-    chosen = {row["beyond"]: row["law"] for row in tried if row["chosen"]}
-    return Laws(chosen.get(False, LAWS[0]), chosen.get(True, LAWS[0]))
 
 
 def _errors(model, name, record):
@@ -288,9 +216,6 @@ def _near(stated, celsius):
 
 
 SOC = np.linspace(0.0, 1.0, 21)
-ORIGINS = {"R": "r_ohmic_ohm", "kinetic": "r_kinetic_ohm"}  # every other resistance relaxes
-RELAXING = "r_relaxing_ohm"
-KINDS = {"r_ohmic_ohm": "ohmic", "r_kinetic_ohm": "kinetic", RELAXING: "relaxing"}
 
 
 def temperature_table(model, member, *, step_kelvin=5.0):
@@ -317,46 +242,6 @@ def temperature_table(model, member, *, step_kelvin=5.0):
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-def laws_beyond(model):
-    """Laws over temperature that may go on beyond the temperatures a model was identified at.
-
-    A parabola through the logarithms of resistances turns somewhere. It is not offered where a
-    sum of resistances of one kind then rises with temperature, at any SoC within the 10 K that
-    `temperature_table` goes on for, and held to the slope of the last two temperatures does not.
-
-    Parameters
-    ----------
-    model : dict of schema cellwright-model/2, identified at all its temperatures.
-
-    Returns
-    -------
-    offered : tuple of names of `temperature.LAWS`.
-    words : str, which is not offered and why, or "".
-    """
-    rising = {name: _rising(with_laws(model, Laws(beyond=name))) for name in LAWS}
-    turned = {name: sorted(places - rising[LAWS[0]]) for name, places in rising.items()}
-    offered = tuple(name for name in LAWS if not turned[name])
-    words = [
-        f"{name} is not offered beyond the tested temperatures: by it the {KINDS[kind]} resistance "
-        f"at {100 * soc:.0f} % SoC would rise with temperature at {celsius:g} °C"
-        for name, ((celsius, kind, soc), *_) in ((n, t) for n, t in turned.items() if t)
-    ]
-    return offered, "; ".join(words)
-
-
-def _rising(model):
-    """Set of (temperature, kind, SoC) beyond the tested range where resistance rises with it."""
-    table = temperature_table(model, None, step_kelvin=1.0)
-    celsius = np.unique(table["temperature_celsius"])
-    outside = table["extrapolated_temperature"].reshape(len(celsius), -1)[:, 0]
-    places = set()
-    for kind in KINDS:
-        rises = np.diff(table[kind].reshape(len(celsius), -1), axis=0) > 0
-        rises &= (outside[1:] | outside[:-1])[:, None]
-        places |= {(celsius[k], kind, SOC[s]) for k, s in np.argwhere(rises)}
-    return places
-
-
 def _grid(temperatures, step, beyond):
     if np.isnan(temperatures).any():
         return [np.nan]
@@ -369,9 +254,9 @@ def _grid(temperatures, step, beyond):
 
 def _block(model, member, celsius, temperatures):
     sampled = circuit_at(member["conditions"], SOC, celsius)
-    sums = {name: np.zeros(len(SOC)) for name in (*ORIGINS.values(), RELAXING)}
+    sums = {f"r_{kind}_ohm": np.zeros(len(SOC)) for kind in ENERGIES}
     for branch in sampled.circuit:
-        sums[ORIGINS.get(branch.kind, RELAXING)] += branch.parameters.get("r_ohm", 0.0)
+        sums[f"r_{kind_of_resistance(branch.kind)}_ohm"] += branch.parameters.get("r_ohm", 0.0)
     return {
         "model": np.full(len(SOC), member["model"]),
         "temperature_celsius": np.full(len(SOC), celsius),

@@ -11,7 +11,7 @@ import numpy as np
 
 from cellwright.circuits.cell import POINTS, ocv_on_grid, usual_slope
 from cellwright.circuits.particle import PARTS, SCALES, Particle, layout, run
-from cellwright.circuits.temperature import ocv_at
+from cellwright.circuits.temperature import BEND_STD, ENERGIES, ocv_at
 from cellwright.identification.choice import FOLDS, score_of
 from cellwright.records.conditions import REFERENCE_CELSIUS
 from cellwright.records.record import Record
@@ -50,16 +50,16 @@ class Prior(NamedTuple):
     walk: float | None = None
 
 
-def _resistance(ohm, std, walk, energy, energy_std, name):
+def _resistance(ohm, std, walk, kind, name):
     return {
         f"{name}_ohm": Prior(np.log(ohm), std, walk),
-        f"{name}_joule_per_mole": Prior(energy, energy_std),
-        f"{name}_bend_joule_per_mole": Prior(0.0, 15e3),
+        f"{name}_joule_per_mole": Prior(ENERGIES[kind].mean, ENERGIES[kind].std),
+        f"{name}_bend_joule_per_mole": Prior(0.0, BEND_STD),
     }
 
 
 def _lag(ohm, second, name):
-    return _resistance(ohm, 1.5, 2.0, 30e3, 20e3, name) | {
+    return _resistance(ohm, 1.5, 2.0, "relaxing", name) | {
         f"{name}_second": Prior(np.log(second), 1.0),
         f"{name}_second_joule_per_mole": Prior(10e3, 15e3),
     }
@@ -70,11 +70,11 @@ def _lag(ohm, second, name):
 PRIORS = {
     "diffusion_per_second": Prior(-9.0, 3.0, 3.0),
     "diffusion_joule_per_mole": Prior(38e3, 8e3),
-    **_resistance(0.015, 2.0, 2.5, 50e3, 15e3, "transfer"),
+    **_resistance(0.015, 2.0, 2.5, "kinetic", "transfer"),
     "double_layer_farad": Prior(np.log(20.0), 1.5),
     "double_layer_joule_per_mole": Prior(0.0, 3e3),
     "transfer_scale": Prior(np.log(2.0), 0.5),
-    **_resistance(0.02, 1.0, 0.6, 12e3, 10e3, "r0"),
+    **_resistance(0.02, 1.0, 0.6, "ohmic", "r0"),
     **_lag(0.01, 20.0, "fast"),
     **_lag(0.01, 300.0, "slow"),
     "ocv_shift_volt": Prior(0.0, 0.03, 0.06),

@@ -132,7 +132,8 @@ def of_one_activation_energy(models):
         words = f"{names}: tested at one temperature, so the activation energy of its resistance "
         words += f"is taken as {mean / 1e3:.0f} kJ/mol, the mean of the group's other cells"
         pairs = zip(models, lacking, strict=True)
-        return [_with_energy(model, mean) if one else model for model, one in pairs], [words]
+        told_widely = {ENERGY: mean, "activation_energy_kelvin": None}
+        return [_with_energy(model, told_widely) if one else model for model, one in pairs], [words]
     single = [c[0] for c in entries if len(c) == 1 and c[0].get(ENERGY)]
     energies = [condition[ENERGY] for condition in single]
     if len(models) < 2 or len(single) < len(models) or np.ptp(energies) == 0:
@@ -142,28 +143,32 @@ def of_one_activation_energy(models):
         f"activation energy {mean / 1e3:.0f} kJ/mol for all cells: the mean of the values that "
         f"their self-heating gave ({min(energies) / 1e3:.0f} to {max(energies) / 1e3:.0f})"
     )
-    return [_with_energy(model, mean) for model in models], [words]
+    return [_with_energy(model, {ENERGY: mean}) for model in models], [words]
 
 
 def _blind_to_temperature(models, record):
-    """Cells whose resistance stays that of one temperature in a test at another, in words."""
-    celsius, blind = float(np.mean(record.celsius)), []
+    """Cells of which no test tells how their resistance follows temperature, in words."""
+    celsius = float(np.mean(record.celsius))
+    ways = {
+        "as at the one temperature it was tested at": [],
+        "by the activation energies that cells usually have": [],
+    }
     for model in models:
         known, *more = member_of(model)["conditions"]
-        at = known["ambient_temperature_celsius"]
-        if not more and not known.get(ENERGY) and not same_temperature(at, celsius):
-            blind.append(model["cell"])
-    if not blind:
-        return []
+        at, told = known["ambient_temperature_celsius"], known.get(ENERGY)
+        if not more and not told and not same_temperature(at, celsius):
+            list(ways.values())[told is None].append(model["cell"])
     return [
-        f"{record.test}: {', '.join(blind)} simulated as at the one temperature of its tests, "
-        f"not at {celsius:.0f} °C, where its resistance is not known"
+        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how its resistance "
+        f"follows temperature, and the record is at {celsius:.0f} °C"
+        for way, cells in ways.items()
+        if cells
     ]
 
 
-def _with_energy(model, joule_per_mole):
+def _with_energy(model, energy):
     members = [
-        member | {"conditions": [c | {ENERGY: joule_per_mole} for c in member["conditions"]]}
+        member | {"conditions": [condition | energy for condition in member["conditions"]]}
         for member in model["members"]
     ]
     return model | {"members": members}
