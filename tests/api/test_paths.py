@@ -24,8 +24,7 @@ _, RECORD = cw.held_out(truth.model(), SERIES, TEST, CELL)
 # Each public step that takes a model (or several), with all else that it needs.
 OF_MODEL = {
     "identify_without": lambda m: cw.identify_without(CELL, m, truth.model(), TESTS, celsius=0),
-    "compare_temperature_laws": lambda m: cw.compare_temperature_laws(CELL, m, {}, TESTS),
-    "predict_left_out": lambda m: cw.predict_left_out(CELL, truth.model(), {0.0: m}, [], TESTS),
+    "predict_left_out": lambda m: cw.predict_left_out(CELL, truth.model(), {0.0: m}, TESTS),
     "finish_model": lambda m: cw.finish_model(CELL, m),
     "export_model": cw.export_model,
     "simulate": lambda m: cw.simulate(m, CURRENT, initial_soc=0.9),

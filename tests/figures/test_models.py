@@ -53,13 +53,11 @@ def test_parameters_of_a_distribution_with_kinetics_hysteresis_and_diffusion():
     assert [panel.axison for panel in kinetic] == [True] * 7 + [False]
 
 
-def test_compensation_draws_the_error_of_each_law_and_a_pair_of_bars_for_each_test():
-    laws = [
-        {"law": law, "left_out_celsius": celsius, "rmse_volt": volt, "own_rmse_volt": 0.002}
-        | {"beyond": celsius == 0.0, "chosen": law == "between"}
-        for law, volts in (("between", (0.003, 0.004)), ("quadratic", (0.006, 0.008)))
-        for celsius in (0.0, 25.0)
-        for volt in volts
+def test_compensation_draws_the_error_at_each_temperature_and_a_pair_of_bars_for_each_test():
+    fitted = [
+        {"left_out_celsius": celsius, "rmse_volt_soc_5_95": volt, "own_rmse_volt_soc_5_95": 0.002}
+        for celsius in (25.0, 0.0)
+        for volt in (0.003, 0.004)
     ]
     proof = [
         {
@@ -71,16 +69,15 @@ def test_compensation_draws_the_error_of_each_law_and_a_pair_of_bars_for_each_te
         | {"own_rmse_volt_soc_5_95": 0.002, "rmse_volt_soc_5_95": 0.004}
         for test, celsius in (("udds", 25.0), ("us06", 0.0))
     ]
-    by_law, by_test = panels(models.draw_compensation(laws, proof))
-    chosen = "interpolation (chosen inside and beyond)"
-    assert labels(by_law) == [chosen, "quadratic", "fitted with it"]
+    by_celsius, by_test = panels(models.draw_compensation(fitted, proof))
+    assert labels(by_celsius) == ["left out", "fitted with it"]
     rms = 1e3 * np.sqrt((0.003**2 + 0.004**2) / 2)
-    np.testing.assert_allclose(drawn(by_law)[0], [[0.0, rms], [25.0, rms]])
-    np.testing.assert_allclose(drawn(by_law)[2][:, 1], 2.0)
+    np.testing.assert_allclose(drawn(by_celsius)[0], [[0.0, rms], [25.0, rms]])
+    np.testing.assert_allclose(drawn(by_celsius)[1][:, 1], 2.0)
     assert [text.get_text() for text in by_test.get_yticklabels()] == ["us06, 0 °C", "udds, 25 °C"]
     np.testing.assert_allclose([bar.get_width() for bar in by_test.patches], [2.0, 4.0] * 2)
     assert [bar.get_hatch() for bar in by_test.patches] == [None, "////", None, None]
-    without_validation = models.draw_compensation(laws, [])
+    without_validation = models.draw_compensation(fitted, [])
     assert [panel.axison for panel in panels(without_validation)] == [True, False]
 
 
