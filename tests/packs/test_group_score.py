@@ -69,8 +69,8 @@ def test_the_truth_has_no_error_and_currents_sum_to_the_total():
 
 def test_a_cell_that_is_simulated_at_a_temperature_it_was_not_tested_at_is_told():
     (said,) = [note for note in score(record(), celsius=10.0).notes if "no test tells" in note]
-    assert "resistance of A, B follows temperature" in said
-    assert said.endswith("simulated at 10 °C by the activation energies that cells usually have")
+    assert "A, B simulated by the activation energies that cells usually have" in said
+    assert said.endswith("the record is at 10 °C")
 
 
 def test_each_cell_runs_as_its_chosen_member():

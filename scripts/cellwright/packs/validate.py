@@ -159,8 +159,8 @@ def _blind_to_temperature(models, record):
         if not more and not told and not same_temperature(at, celsius):
             list(ways.values())[told is None].append(model["cell"])
     return [
-        f"{record.test}: no test tells how the resistance of {', '.join(cells)} follows "
-        f"temperature: simulated at {celsius:.0f} °C {way}"
+        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how its resistance "
+        f"follows temperature, and the record is at {celsius:.0f} °C"
         for way, cells in ways.items()
         if cells
     ]
