@@ -20,6 +20,7 @@ from cellwright.refusal import Refusal
 
 MOST_ROWS = 12_000  # of all records of a fit together
 GROWTH = 0.25  # of the time since a step of the current, from one row to the next
+STEADY_PART = 4.0  # a change of this part of a step, a current that flickers, keeps no row
 # Neighbouring rows err alike: so many say what one does, and so long a time of a drive.
 ROWS_ALIKE, ALIKE_SECOND = 16.0, 40.0
 READING_VOLT = 3e-3  # error of a row: of the reading, of its overvoltage and of its SoC
@@ -199,7 +200,7 @@ def _thinned(records, capacity):
         record
         if record.kind == "drive"
         else without_edges(
-            thin(record, step_ampere=step[record.kind] / 10, **along),
+            thin(record, step_ampere=step[record.kind] / STEADY_PART, **along),
             step_ampere=step[record.kind],
         )
         for record in records
