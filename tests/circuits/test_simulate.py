@@ -137,7 +137,9 @@ def test_a_simulation_says_where_it_leaves_its_model():
     assert "-3.5 to -0.01" in told[0]
     assert "The voltage falls to" in told[-1]
     (warm,) = simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=85.0).notes
-    assert "the temperature of 85 to 85 °C lies outside" in warm
+    assert "the temperature of 85 °C lies outside" in warm
+    with pytest.raises(Refusal, match=r"found 298.15 to 298.15, wanted -60 to 150 .*in kelvin\?"):
+        simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=298.15)
 
 
 def test_a_cell_that_is_charged_to_full_is_not_beyond_it():
