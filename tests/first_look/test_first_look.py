@@ -240,16 +240,17 @@ def test_cells_that_move_nearly_the_same_charge_get_one_rating():
 
 def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
-    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {}, [])
-    assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
-    assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
-    discharge = [first_sheets.Full(3.0, -np.inf, 2.0, "a")]
-    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {}, [])
-    drafted = first_sheets._cell("A", found)
-    assert (drafted["lower_cutoff_volt"], "upper_cutoff_volt" in drafted) == ("3.00", False)
-    slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
-    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {}, [])
-    assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
+
+    def cell_of(full, most):
+        found = first_sheets.Found([], {"A": full}, {"A": (3.0, most)}, {}, [])
+        return first_sheets._cell("A", found)
+
+    assert "upper_cutoff_volt" not in cell_of(full, 4.21)
+    assert cell_of(full, 4.12)["upper_cutoff_volt"] == "4.10"
+    assert cell_of([first_sheets.Full(3.0, 4.17, 2.0, "a")], 4.17)["upper_cutoff_volt"] == "4.20"
+    discharge = cell_of([first_sheets.Full(3.0, -np.inf, 2.0, "a")], 4.16)
+    assert (discharge["lower_cutoff_volt"], discharge["upper_cutoff_volt"]) == ("3.00", "4.20")
+    assert discharge["note"].startswith("upper cut-off is a guess")
 
 
 def test_drives_validate_and_one_is_fitted_where_there_are_no_pulses():
