@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from cellwright.records.conditions import SAME_CELSIUS
-from cellwright.records.kinds import half_cycles, whole_charge
+from cellwright.records.kinds import FULL_SHARE, half_cycles, whole_charge
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
 from runtime.campaign_check import files_below
@@ -178,9 +178,7 @@ def _take(found, path, place, cell, seen):
         least, most = found.span_volt.get(cell, (low, high))
         found.span_volt[cell] = min(least, low), max(most, high)
         if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            moved = half_cycles(seen.steps)[0]
-            ends = low if np.any(moved < 0) else np.inf, high if np.any(moved > 0) else -np.inf
-            found.full.setdefault(cell, []).append(Full(*ends, whole_charge(moved), path.name))
+            found.full.setdefault(cell, []).append(_full(seen.steps, path.name))
     if kind:
         row = _row(cell, path, place, kind, seen)
         found.tests.append(row)
@@ -192,6 +190,15 @@ def _take(found, path, place, cell, seen):
     else:
         why = seen.refused or "its kind of test is not known from its steps"
         found.left_out.setdefault(why, []).append(place)
+
+
+def _full(steps, name) -> Full:
+    """Where whole half cycles of a record end, in the middle of them: one may run beyond."""
+    moved, _, volt = half_cycles(steps)
+    whole = whole_charge(moved)
+    down, up = (side * moved >= FULL_SHARE * whole for side in (-1, 1))
+    low = float(np.median(volt[down])) if np.any(down) else np.inf
+    return Full(low, float(np.median(volt[up])) if np.any(up) else -np.inf, whole, name)
 
 
 def _kind_of(name, kinds):

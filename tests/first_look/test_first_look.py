@@ -228,6 +228,14 @@ def test_thermometers_of_one_room_draft_one_temperature():
     assert drafted == ["25", "25", "-9", "25", "40"]
 
 
+def test_one_cycle_that_runs_beyond_moves_no_cut_off():
+    kind = np.array(["CC"] * 6)
+    charge = np.array([-2.0, 2.0, -2.0, 2.0, -2.0, 2.0])
+    steps = {"kind": kind, "charge_ampere_hour": charge, "current_mean_ampere": charge}
+    steps["voltage_end_volt"] = np.array([2.5, 4.2, 2.31, 4.2, 2.49, 4.27])
+    assert first_sheets._full(steps, "a") == (2.49, 4.2, 2.0, "a")
+
+
 def test_cells_that_move_nearly_the_same_charge_get_one_rating():
     """Two digits of 2.752 and 2.748 Ah differ; those of another type stay another's."""
     charges = {"A": 2.748, "B": 2.752, "C": 2.0, "D": 0.0}
