@@ -57,7 +57,7 @@ WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off t
 SEPARATOR = ";"  # of the files of one test
 GUESSED = "cut-off is a guess: no load of a full test leads there"
 STEP_VOLT = 0.05  # cut-offs are proposed to this
-OVERSHOOT_VOLT = 0.01  # by which a reading may lie beyond the cut-off that stopped the tester
+OVERSHOOT_VOLT = 0.015  # by which a reading may lie beyond the cut-off that stopped the tester
 ALIKE = 0.95  # of the largest charge of a cell, from which another may be of its type
 SHOWN = 5  # files or names that are named
 
