@@ -1,4 +1,4 @@
-"""Characterisation of lithium-ion cells: `import cellwright as cw`; docs/api.md shows each step.
+"""Characterisation of lithium-ion cells: `import cellwright as cw`, then `help(cw.capacity)`.
 
 Importing the package loads nothing else: a step's module is loaded when the step is first used.
 What there is stands in `__init__.pyi`, where editors find each definition.
@@ -24,7 +24,11 @@ def __getattr__(name: str):
     if name in ("api", "settings"):
         return import_module(f"cellwright.{name}")
     if name not in MODULE_OF:
-        raise AttributeError(f"cellwright has no {name!r}; it has {', '.join(MODULE_OF)}")
+        from difflib import get_close_matches
+
+        close = get_close_matches(name, MODULE_OF, 1)
+        what = f"did you mean {close[0]}?" if close else f"it has {', '.join(MODULE_OF)}"
+        raise AttributeError(f"cellwright has no {name!r}; {what}")
     found = getattr(import_module(MODULE_OF[name]), name)
     if name not in SHOWN and callable(found) and not isinstance(found, type):
         api, settings, shown = (

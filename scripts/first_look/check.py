@@ -13,6 +13,7 @@ import numpy as np
 
 import cellwright as cw
 from cellwright.messages import Said, listed
+from cellwright.protocols.impedance.analysis import doubt_of_size
 from cellwright.protocols.resistance import pulse_steps
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
@@ -90,7 +91,10 @@ def _of_test(folder, config, plan, row):
     if spectrum:
         hertz = raw.columns["frequency_hertz"]
         said = f"a spectrum of {len(hertz)} points, {min(hertz):.3g} to {max(hertz):.3g} Hz"
-        return [said], 0.0, raw.notes
+        ohm = raw.columns["impedance_real_ohm"] + 1j * raw.columns["impedance_imaginary_ohm"]
+        rated = plan.cells.get(row["cell"], {}).get("rated_capacity_ampere_hour")
+        doubts = filter(None, (raw.content["doubt"], doubt_of_size(ohm, rated)))
+        return [said, *(f"in doubt: {words}" for words in doubts)], 0.0, raw.notes
     cell = plan.facts_of(row["cell"])
     series = cw.clean(raw, config["clean"], cell=None if group else cell, test=row)
     steps = cw.segment(series, cell, config["segment"])

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from cellwright.records.conditions import SAME_CELSIUS
-from cellwright.records.kinds import half_cycles, whole_charge
+from cellwright.records.kinds import FULL_SHARE, half_cycles, whole_charge
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
 from runtime.campaign_check import files_below
@@ -55,8 +55,9 @@ NUMBER = re.compile(r"#?\d+")
 SUFFIXES = re.compile(r"(\.[A-Za-z]\w*|\.\d{3})+$")  # .bdf.csv.gz and Maccor's .001, not .5C
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
 SEPARATOR = ";"  # of the files of one test
+GUESSED = "cut-off is a guess: no load of a full test leads there"
 STEP_VOLT = 0.05  # cut-offs are proposed to this
-OVERSHOOT_VOLT = 0.01  # by which a reading may lie beyond the cut-off that stopped the tester
+OVERSHOOT_VOLT = 0.015  # by which a reading may lie beyond the cut-off that stopped the tester
 ALIKE = 0.95  # of the largest charge of a cell, from which another may be of its type
 SHOWN = 5  # files or names that are named
 
@@ -64,7 +65,7 @@ SHOWN = 5  # files or names that are named
 class Full(NamedTuple):
     """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge.
 
-    An end that no load led to is infinite: of a discharge alone, the upper cut-off is not known.
+    An end that no load led to is infinite: a discharge alone does not tell the upper cut-off.
     """
 
     low_volt: float
@@ -76,14 +77,14 @@ class Full(NamedTuple):
 class Found(NamedTuple):
     """What the files of a folder hold.
 
-    tests : rows of tests.tsv. full : of each cell `Full` tests. highest_volt : of each cell in any.
-    left_out : reason → files. read_celsius : rows of tests whose temperature no name says, and what
-    their thermometers read [°C].
+    tests : rows of tests.tsv. full : of each cell `Full` tests. span_volt : lowest and highest
+    voltage of each cell in any. left_out : reason → files. read_celsius : rows of tests whose
+    temperature no name says, and what their thermometers read [°C].
     """
 
     tests: list[dict]
     full: dict[str, list[Full]]
-    highest_volt: dict[str, float]
+    span_volt: dict[str, tuple[float, float]]
     left_out: dict[str, list[str]]
     read_celsius: list[tuple[dict, float]]
 
@@ -140,18 +141,21 @@ def write(folder) -> list[str]:
         (config / "config.yaml").write_text(title, encoding="utf-8")
     cold = [f"{row['cell']} {row['test']}" for row in tests if _lacks_temperature(row)]
     unknown = {
-        f"{side} cut-off (no full test reaches them)": [
-            row["cell"] for row in cells if f"{side}_cutoff_volt" not in row
-        ]
-        for side in ("lower", "upper")
-    } | {"ambient_temperature_celsius": cold}
+        "to be filled in, cut-offs (no full test reaches them)": [
+            row["cell"] for row in cells if "upper_cutoff_volt" not in row
+        ],
+        "to be filled in, ambient_temperature_celsius": cold,
+        "to be checked, a guessed cut-off (note says which)": [
+            row["cell"] for row in cells if GUESSED in row.get("note", "")
+        ],
+    }
     of_cell = Counter(row["cell"] for row in tests)
     return [
         *unused,
         f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft",
         f"cells, with their tests: {_named([f'{name} ({n})' for name, n in of_cell.items()])}",
         "Look at cells, kinds, temperatures, roles, rating and cut-offs; write the chemistry.",
-        *[f"to be filled in, {what}: {_named(names)}" for what, names in unknown.items() if names],
+        *[f"{what}: {_named(names)}" for what, names in unknown.items() if names],
         f"next: ./run cellwright check {shlex.quote(str(folder))}",
     ]
 
@@ -171,11 +175,10 @@ def _take(found, path, place, cell, seen):
     if seen.series:
         volt = seen.series["voltage_volt"]
         low, high = float(np.nanmin(volt)), float(np.nanmax(volt))
-        found.highest_volt[cell] = max(found.highest_volt.get(cell, 0.0), high)
+        least, most = found.span_volt.get(cell, (low, high))
+        found.span_volt[cell] = min(least, low), max(most, high)
         if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            moved = half_cycles(seen.steps)[0]
-            ends = low if np.any(moved < 0) else np.inf, high if np.any(moved > 0) else -np.inf
-            found.full.setdefault(cell, []).append(Full(*ends, whole_charge(moved), path.name))
+            found.full.setdefault(cell, []).append(_full(seen.steps, path.name))
     if kind:
         row = _row(cell, path, place, kind, seen)
         found.tests.append(row)
@@ -187,6 +190,15 @@ def _take(found, path, place, cell, seen):
     else:
         why = seen.refused or "its kind of test is not known from its steps"
         found.left_out.setdefault(why, []).append(place)
+
+
+def _full(steps, name) -> Full:
+    """Where whole half cycles of a record end, in the middle of them: one may run beyond."""
+    moved, _, volt = half_cycles(steps)
+    whole = whole_charge(moved)
+    down, up = (side * moved >= FULL_SHARE * whole for side in (-1, 1))
+    low = float(np.median(volt[down])) if np.any(down) else np.inf
+    return Full(low, float(np.median(volt[up])) if np.any(up) else -np.inf, whole, name)
 
 
 def _kind_of(name, kinds):
@@ -288,16 +300,23 @@ def _celsius_in(names):
 
 
 def _cell(name, found):
-    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass."""
+    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass.
+
+    An end that no load of them led to is guessed: the next 0.05 V beyond all voltages of the cell.
+    """
     row, full = {"cell": name}, found.full.get(name)
     if not full:
         return row
-    low = np.round(min(test.low_volt for test in full) / STEP_VOLT)
-    high = np.ceil((max(test.high_volt for test in full) - OVERSHOOT_VOLT) / STEP_VOLT)
-    if np.isfinite(low):
-        row["lower_cutoff_volt"] = f"{max(low * STEP_VOLT, 0.0):.2f}"
+    least, most = found.span_volt[name]
+    low, high = min(test.low_volt for test in full), max(test.high_volt for test in full)
+    ends = (("lower", low), ("upper", high))
+    guessed = [f"{side} {GUESSED}" for side, end in ends if not np.isfinite(end)]
+    row |= {"note": "; ".join(guessed)} if guessed else {}
+    low = np.round(low / STEP_VOLT) if np.isfinite(low) else np.floor(least / STEP_VOLT)
+    high = np.ceil((high - OVERSHOOT_VOLT if np.isfinite(high) else most) / STEP_VOLT)
     # Where another test goes beyond, no full one went to the end.
-    if np.isfinite(high) and found.highest_volt[name] < (high + 1) * STEP_VOLT:
+    if most < (high + 1) * STEP_VOLT:
+        row["lower_cutoff_volt"] = f"{max(low * STEP_VOLT, 0.0):.2f}"
         row["upper_cutoff_volt"] = f"{high * STEP_VOLT:.2f}"
     return row
 
@@ -317,7 +336,8 @@ def _propose_ratings(cells, largest):
         first = first if charge >= ALIKE * first else charge
         if charge > 0:
             row["rated_capacity_ampere_hour"] = f"{float(f'{first:.2g}'):g}"
-            row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {test.test}"
+            of_rating = f"rating is a draft: {charge:.4g} Ah moved in {test.test}"
+            row["note"] = "; ".join(filter(None, (of_rating, row.get("note"))))
 
 
 def _unique(tests):

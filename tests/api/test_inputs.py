@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import polars
 import pytest
 
 import cellwright as cw
@@ -69,7 +70,7 @@ def test_a_table_with_labels_of_its_own_is_read_as_its_csv(tmp_path):
     own = pd.DataFrame(record()).rename(columns=OWN)
     own.to_csv(tmp_path / "own.csv", index=False)
     by_csv = cw.clean(cw.read(tmp_path / "own.csv"))
-    for table in (own, dict(own), own.set_index("Time [s]")):
+    for table in (own, dict(own), own.set_index("Time [s]"), polars.from_pandas(own)):
         for found in (cw.clean(table), cw.clean(cw.read(table))):
             pd.testing.assert_frame_equal(found.to_frame(), by_csv.to_frame())
     milli = own.assign(**{"Current (mA)": 1e3 * own["Current [A]"]}).drop(columns="Current [A]")
@@ -81,6 +82,9 @@ def test_labels_that_nobody_knows_are_named():
     own = pd.DataFrame(record()).set_axis(["x", "Wert", "Anzeige"], axis=1)
     with pytest.raises(cw.Refusal, match=r"the table: .*'x', 'Wert', 'Anzeige'"):
         cw.clean(own)
+    two = {"Time [s]": [0.0, 1.0], "Current [A]": [0.0, 1.0]}
+    with pytest.raises(cw.Refusal, match=r"no column test_time_.*there are Time \[s\], Current"):
+        cw.clean(two)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +206,7 @@ def test_facts_of_one_value_are_repeated_in_a_frame():
 def test_every_public_name_is_there():
     for name in cw.MODULE_OF:
         assert getattr(cw, name)
-    with pytest.raises(AttributeError, match="has no 'identfy'"):
+    with pytest.raises(AttributeError, match=r"has no .identfy.; did you mean identify\?"):
         cw.identfy  # noqa: B018
 
 

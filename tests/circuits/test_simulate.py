@@ -137,8 +137,10 @@ def test_a_simulation_says_where_it_leaves_its_model():
     assert "-3.5 to -0.01" in told[0]
     assert "The voltage falls to" in told[-1]
     warm, usual = simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=85.0).notes
-    assert "the temperature of 85 to 85 °C lies outside" in warm
+    assert "the temperature of 85 °C lies outside" in warm
     assert "One temperature was tested, 25 °C: at others resistances follow" in usual
+    with pytest.raises(Refusal, match=r"found 298.15 to 298.15, wanted -60 to 150 .*in kelvin\?"):
+        simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=298.15)
 
 
 def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cycler_texts import RECORDS, text_of
 
@@ -90,6 +91,16 @@ def test_what_a_test_cannot_give_is_said_with_what_its_steps_look_like(tmp_path,
     assert "no open-circuit voltage: " in said
     assert "its steps look like those of kind capacity" in said
     assert "1 tests: 0 left out, 1 that lack a result" in said
+
+
+def test_a_spectrum_in_milliohm_is_told_by_the_size_of_its_cell(tmp_path, capsys):
+    folder = campaign(tmp_path, "A7\te\teis\traw data/e.csv\t25\t0.5")
+    hertz = np.logspace(4, -2, 31)
+    ohm = 20.0 + 15.0 / (1 + 1j * hertz)  # of milliohm
+    rows = [f"{f:.5g},{z.real:.5g},{z.imag:.5g}\n" for f, z in zip(hertz, ohm, strict=True)]
+    (folder / "raw data/e.csv").write_text("freq/Hz,Re(Z)/Ohm,Im(Z)/Ohm\n" + "".join(rows))
+    said = shown_of(folder, capsys)
+    assert "e (eis): a spectrum of 31 points, 0.01 to 1e+04 Hz; in doubt: no cell of 2 Ah" in said
 
 
 def test_a_run_names_the_first_missing_files_and_counts_the_others():

@@ -228,6 +228,14 @@ def test_thermometers_of_one_room_draft_one_temperature():
     assert drafted == ["25", "25", "-9", "25", "40"]
 
 
+def test_one_cycle_that_runs_beyond_moves_no_cut_off():
+    kind = np.array(["CC"] * 6)
+    charge = np.array([-2.0, 2.0, -2.0, 2.0, -2.0, 2.0])
+    steps = {"kind": kind, "charge_ampere_hour": charge, "current_mean_ampere": charge}
+    steps["voltage_end_volt"] = np.array([2.5, 4.2, 2.31, 4.2, 2.49, 4.27])
+    assert first_sheets._full(steps, "a") == (2.49, 4.2, 2.0, "a")
+
+
 def test_cells_that_move_nearly_the_same_charge_get_one_rating():
     """Two digits of 2.752 and 2.748 Ah differ; those of another type stay another's."""
     charges = {"A": 2.748, "B": 2.752, "C": 2.0, "D": 0.0}
@@ -240,16 +248,17 @@ def test_cells_that_move_nearly_the_same_charge_get_one_rating():
 
 def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
-    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {}, [])
-    assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
-    assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
-    discharge = [first_sheets.Full(3.0, -np.inf, 2.0, "a")]
-    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {}, [])
-    drafted = first_sheets._cell("A", found)
-    assert (drafted["lower_cutoff_volt"], "upper_cutoff_volt" in drafted) == ("3.00", False)
-    slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
-    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {}, [])
-    assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
+
+    def cell_of(full, most):
+        found = first_sheets.Found([], {"A": full}, {"A": (3.0, most)}, {}, [])
+        return first_sheets._cell("A", found)
+
+    assert "upper_cutoff_volt" not in cell_of(full, 4.21)
+    assert cell_of(full, 4.12)["upper_cutoff_volt"] == "4.10"
+    assert cell_of([first_sheets.Full(3.0, 4.17, 2.0, "a")], 4.17)["upper_cutoff_volt"] == "4.20"
+    discharge = cell_of([first_sheets.Full(3.0, -np.inf, 2.0, "a")], 4.16)
+    assert (discharge["lower_cutoff_volt"], discharge["upper_cutoff_volt"]) == ("3.00", "4.20")
+    assert discharge["note"].startswith("upper cut-off is a guess")
 
 
 def test_drives_validate_and_one_is_fitted_where_there_are_no_pulses():

@@ -97,7 +97,7 @@ def _named_bytes(part, name, largest_megabyte):
         return name or "the file", part
     if isinstance(part, tuple):
         return part
-    if isinstance(part, Mapping) or hasattr(part, "to_csv"):
+    if isinstance(part, Mapping) or hasattr(part, "to_csv") or hasattr(part, "to_pandas"):
         from cellwright.series.joining import csv_of
 
         return name or "the table", csv_of(part)

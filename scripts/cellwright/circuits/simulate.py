@@ -9,7 +9,7 @@ from cellwright.circuits.particle import NAME
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
-from cellwright.series.cleaning import net_charge
+from cellwright.series.cleaning import COLDEST, HOTTEST, net_charge
 
 BEYOND = 1e-3  # SoC beyond 0 or 1 that counting alone may give
 
@@ -24,7 +24,8 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
 
     Returns columns, (n,): soc [1], ocv_volt, voltage_volt [V]; notes where the model is left: SoC
     outside 0 to 1 or what was measured, temperatures beyond it, no voltage left. Raises
-    Refusal: the model has no such member, or the SoC at the start is not within 0 to 1.
+    Refusal: the model has no such member, the SoC at the start is not within 0 to 1, or a
+    temperature is none of a cell.
 
     >>> import cellwright as cw
     >>> table = {"soc": [0.0, 1.0], "ocv_volt": [3.0, 4.2], "resistance_ohm": [0.02, 0.02]}
@@ -43,6 +44,10 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     charge = net_charge(time, ampere)
     soc = initial_soc + (charge - charge[0]) / model["capacity_ampere_hour"]
     celsius = np.broadcast_to(np.asarray(temperature_celsius, float), time.shape)
+    if not np.all((celsius >= COLDEST) & (celsius <= HOTTEST)):
+        found = f"{celsius.min():g} to {celsius.max():g}"
+        wanted = f"wanted {COLDEST:g} to {HOTTEST:g} °C"
+        raise Refusal(f"temperature_celsius: found {found}, {wanted}; in kelvin?")
     member = in_use(model) if member is None else member
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
@@ -88,5 +93,6 @@ def _left_model(columns, celsius, run):
         if np.any(rows):
             found = values[rows]
             least, most = float(found.min()), float(found.max())
-            fields = {"count": int(rows.sum()), "size": len(time), "least": least, "most": most}
+            span = f"{least:.3g} to {most:.3g}" if most > least else f"{least:.3g}"
+            fields = {"count": int(rows.sum()), "size": len(time), "least": least, "span": span}
             yield say(code, first_second=float(time[rows][0]), **fields)

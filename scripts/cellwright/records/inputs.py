@@ -78,10 +78,12 @@ def _arrays(series):
 
 
 def labelled(series, needed=NAMES) -> bool:
-    """Whether a table lacks a column of a record, and has labels that are none of ours."""
+    """Whether a table lacks a column of a record, and has enough labels that are none of ours."""
     names = list(map(str, _by_name(series)))
     lacks = set(needed).intersection(NAMES).difference(names)
-    return bool(lacks) and not all(name.endswith(tuple(UNITS)) for name in names)
+    index = getattr(getattr(series, "index", None), "names", ())
+    enough = len(names) + len([name for name in index if name is not None]) >= len(NAMES)
+    return bool(lacks) and enough and not all(name.endswith(tuple(UNITS)) for name in names)
 
 
 def _numbers(name, values):

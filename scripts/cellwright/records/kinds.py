@@ -18,23 +18,25 @@ FEW_HALF_CYCLES = 3  # of one direction, of which the largest is a whole one
 LEAST_SPAN = 0.3  # of the capacity, over which pulses are a characterisation over SoC
 
 
-def half_cycles(steps: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Charge [Ah] and rate-free current [A] of each half cycle: loads of one sign in a row.
+def half_cycles(steps: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Charge [Ah], rate-free current [A], end [V] of each half cycle: loads of one sign in a row.
 
     Rests and loads too small to turn the direction do not end one.
 
     Returns
     -------
-    charge, current : arrays (half cycles,), signed; current is the mean weighted by the charge.
+    charge, current, volt : arrays (half cycles,); the first two signed, current the mean weighted
+        by the charge, volt that of the last row under load.
     """
     steady = np.isin(steps["kind"], STEADY) & (steps["charge_ampere_hour"] != 0)
     charge, current = steps["charge_ampere_hour"][steady], steps["current_mean_ampere"][steady]
     if not len(charge):
-        return np.zeros(0), np.zeros(0)
+        return np.zeros(0), np.zeros(0), np.zeros(0)
     starts = np.flatnonzero(np.diff(np.sign(charge), prepend=0.0))
     moved = np.add.reduceat(charge, starts)
     weighted = np.add.reduceat(np.abs(charge) * current, starts) / np.abs(moved)
-    return moved, weighted
+    ends = np.append(starts[1:], len(charge)) - 1
+    return moved, weighted, steps["voltage_end_volt"][steady][ends]
 
 
 def whole_charge(moved: np.ndarray) -> float:
@@ -62,7 +64,7 @@ def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) 
     """
     kind, duration = steps["kind"], steps["duration_second"]
     loaded = duration[kind != "rest"].sum()
-    moved, current = half_cycles(steps)
+    moved, current, _ = half_cycles(steps)
     capacity = whole_charge(moved)
     found = []
     dynamic = duration[kind == "dynamic"].sum()

@@ -80,7 +80,7 @@ def of_labels(table) -> Assembled:
 
 def csv_of(table) -> bytes:
     """A DataFrame, with its index where that has a name, or a mapping of columns as a csv."""
-    whole = table
+    whole = table.to_pandas() if hasattr(table, "to_pandas") else table  # of polars, of Arrow
     if isinstance(table, Mapping):
         whole = frame({name: np.asarray(values) for name, values in table.items()})
     return whole.to_csv(index=any(name is not None for name in whole.index.names)).encode()

@@ -134,7 +134,7 @@ def impedance(spectrum, settings=None, *, cell=None, doubt="", test=None, togeth
         row |= shared_deviations(fit, hertz, shares)
     said = (
         Said(doubt, "impedance.file"),
-        _of_size(impedance, None if cell is None else inputs.rating(cell)),
+        doubt_of_size(impedance, None if cell is None else inputs.rating(cell)),
         doubt_of(fit, trusted.rms, [each.fit for each in others], hertz, row),
         Said(off_course, "impedance.off_course"),
     )
@@ -312,7 +312,7 @@ def _missed(fit, kramers_kronig_rms):
     return f"the circuit misses the spectrum by {left}: standard deviations widened"
 
 
-def _of_size(impedance, rated):
+def doubt_of_size(impedance, rated):
     """That a cell of this rating [Ah] has no such impedance (n,) [Ω], in words; "" where it may."""
     least = float(np.min(np.abs(impedance)))
     if not rated or not unlike_size(least, rated):
