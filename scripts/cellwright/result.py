@@ -94,10 +94,11 @@ def frame(table):
     if not isinstance(table, dict):
         rows = [row._asdict() if hasattr(row, "_asdict") else row for row in table]
         return pd.DataFrame(rows)
-    # Empty lists are facts as well, such as of a record in which nothing was left out.
+    # Empty lists beside others are facts as well: of a record in which nothing was left out.
     sizes = {len(v) for v in table.values() if isinstance(v, np.ndarray | list) and len(v)}
     if len(sizes) != 1:
-        return pd.DataFrame([table])
+        no_rows = table and all(isinstance(v, np.ndarray | list) for v in table.values())
+        return pd.DataFrame(table if no_rows and not sizes else [table])
     (size,) = sizes
     fits = {k: v for k, v in table.items() if not hasattr(v, "__len__") or isinstance(v, str)}
     fits |= {k: v for k, v in table.items() if hasattr(v, "__len__") and len(v) == size}

@@ -81,10 +81,10 @@ def _efficiencies(axes, course):
 def draw_resistance_growth(growth):
     """Resistance over SoC at every check-up, and its factor since the first one.
 
-    `growth` are columns of stage `resistance_growth`.
+    `growth` are columns of stage `resistance_growth`; none where no pulse has a resistance.
     """
-    shown = (growth["direction"] == "discharge") & (growth["delay_second"] == 0)
-    cycles = np.unique(growth["cycle"][shown])
+    shown = growth and (growth["direction"] == "discharge") & (growth["delay_second"] == 0)
+    cycles = np.unique(growth["cycle"][shown]) if growth else ()
     if len(cycles) < 2:
         return style.message("Resistance growth needs pulse tests at two check-ups; there is one.")
     figure, axes = style.subplots(1, 2, height=3.4)

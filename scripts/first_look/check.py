@@ -5,6 +5,7 @@ called that need one test alone.
 """
 
 import shlex
+import textwrap
 from contextlib import chdir
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 
 import cellwright as cw
 from cellwright.messages import Said, listed
+from cellwright.protocols.resistance import pulse_steps
 from cellwright.records.kinds import likely_kinds
 from cellwright.refusal import Refusal
 from runtime import campaign_check, raw_files, sheets
@@ -22,6 +24,7 @@ from runtime.search_plan import SearchPlan
 SCHEMAS = Path(__file__).resolve().parents[2] / "workflow" / "schemas"
 SLOWEST_HOUR = 100.0  # no cell is tested below C/100 alone: then its rating is in another unit
 SHOWN = 5  # files, or tests, that are named
+LETTERS = 160  # of a note; `inspect` shows all of it
 NOTHING = "check.nothing"  # code of a sentence on what a test does not give
 
 
@@ -39,7 +42,7 @@ def check(folder):
         raise Refusal(str(faults)) from None
     yield f"sheets: {len(campaign.cells)} cells, {len(campaign.tests)} tests, no fault"
     yield from missing
-    plan, left_out = Plan(campaign), 0
+    plan, left_out, without = Plan(campaign), 0, 0
     yield from _of_no_sheet(folder, plan)
     scored = {row["kind"] for row in campaign.tests} - {"eis"}
     models = ModelPlan(plan, scored_kinds=sorted(scored))
@@ -51,15 +54,17 @@ def check(folder):
             try:
                 said, ampere, notes = _of_test(folder, campaign.config, plan, row)
             except (Refusal, OSError) as reason:
-                said, ampere, notes, left_out = f"left out: {reason}", 0.0, (), left_out + 1
+                said, ampere, notes, left_out = [f"left out: {reason}"], 0.0, (), left_out + 1
             largest = max(largest, ampere)
+            without += any(getattr(words, "code", "") == NOTHING for words in said)
             for note in dict.fromkeys(notes):
-                noted.setdefault(note, []).append(row["test"])
-            yield f"  {row['test']} ({row['kind']}): {said}"
+                short = textwrap.shorten(note, LETTERS, placeholder=" … (all of it: inspect)")
+                noted.setdefault(short, []).append(row["test"])
+            yield f"  {row['test']} ({row['kind']}): {'; '.join(said)}"
         yield from (f"  note on {_named(tests)}: {note}" for note, tests in noted.items())
         if name in plan.cells:
             yield from _of_cell(name, largest, models, searched)
-    yield f"{left_out} of {len(campaign.tests)} tests are left out by a run as by this check"
+    yield f"{len(campaign.tests)} tests: {left_out} left out, {without} that lack a result"
     yield f"next: ./run snakemake --cores 2 --directory {shlex.quote(str(folder))}"
 
 
@@ -72,7 +77,7 @@ def _of_no_sheet(folder, plan):
 
 
 def _of_test(folder, config, plan, row):
-    """What a test holds and its steps give, in words; its largest current [A]; notes."""
+    """What a test holds and its steps give, sentences; its largest current [A]; notes."""
     largest, spectrum = config["files"]["largest_megabyte"], row["kind"] == "eis"
     how = {name: row[name] for name in FACTS_OF_FILES}
     with chdir(folder):
@@ -85,14 +90,14 @@ def _of_test(folder, config, plan, row):
     if spectrum:
         hertz = raw.columns["frequency_hertz"]
         said = f"a spectrum of {len(hertz)} points, {min(hertz):.3g} to {max(hertz):.3g} Hz"
-        return said, 0.0, raw.notes
+        return [said], 0.0, raw.notes
     cell = plan.facts_of(row["cell"])
     series = cw.clean(raw, config["clean"], cell=None if group else cell, test=row)
     steps = cw.segment(series, cell, config["segment"])
     time, current = (series.columns[n] for n in ("test_time_second", "current_ampere"))
     said = [f"{len(time)} rows, {np.ptp(time) / 3600:.3g} h"]
     said += [] if group else _yields(series, steps, cell, row, config)
-    return "; ".join(said), float(np.abs(current).max()), (*raw.notes, *series.notes)
+    return said, float(np.abs(current).max()), (*raw.notes, *series.notes)
 
 
 def _yields(series, steps, cell, row, config) -> list[Said]:
@@ -123,11 +128,19 @@ def _yields(series, steps, cell, row, config) -> list[Said]:
     if kind == "ica":
         said += _tried("dQ/dV", lambda: f"a charge at {cw.ica(series, steps).c_rate:.3g} C")
     if kind in PULSE_KINDS:
-        pulses = np.count_nonzero(steps.rows.kind == "pulse")
-        said.append(Said(f"pulses: {pulses}") if pulses else Said("no pulse", NOTHING))
+        said.append(_pulses(steps.rows))
     if kinds and kind not in kinds and any(words.code == NOTHING for words in said):
         said.append(Said(f"its steps look like those of kind {' or '.join(kinds)}"))
     return said
+
+
+def _pulses(steps) -> Said:
+    """How many loads of a record tell a resistance."""
+    number = len(pulse_steps(steps))
+    if not number:
+        return Said("no pulse, and no load from rest", NOTHING)
+    brief = np.any(steps.kind == "pulse")
+    return Said(f"pulses: {number}" if brief else f"no pulse; loads from rest: {number}")
 
 
 def _tried(what, step) -> list[Said]:
@@ -142,6 +155,7 @@ def _capacities(found):
     rows = found.to_frame()
     return ", ".join(
         f"{row.capacity_ampere_hour:.4g} Ah {row.direction} at {row.c_rate:.3g} C"
+        + (f" (in doubt: {row.doubt})" if row.doubt else "")
         for row in rows.itertuples()
     )
 

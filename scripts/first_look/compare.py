@@ -209,7 +209,8 @@ def in_words(changes) -> list[str]:
 
 
 def write(changes, folder) -> list[Path]:
-    """`comparison.csv` and `comparison.html` in a folder; their paths."""
+    """`comparison.csv` and `comparison.html` in a folder, which is made; their paths."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
     table, page = Path(folder, "comparison.csv"), Path(folder, "comparison.html")
     with open(table, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -26,7 +26,10 @@ def explain(table, row) -> list[str]:
     path = Path(table)
     folder = next((up.parent for up in path.absolute().parents if up.name == "results"), None)
     if folder is None or not path.is_file():
-        raise Refusal(f"{table}: found no such file, wanted a table below results/")
+        found = (
+            "no such file" if not path.exists() else "a folder" if path.is_dir() else "no result"
+        )
+        raise Refusal(f"{table}: found {found}, wanted a table below results/")
     name = path.absolute().relative_to(folder).as_posix()
     if path.suffix != ".csv":
         if row:

@@ -4,13 +4,16 @@ import csv
 import hashlib
 import re
 import shlex
+from collections import Counter
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import yaml
 
-from cellwright.records.kinds import half_cycles
+from cellwright.records.conditions import SAME_CELSIUS
+from cellwright.records.kinds import half_cycles, whole_charge
 from cellwright.refusal import Refusal
 from first_look.one_file import celsius, look
 from runtime.campaign_check import files_below
@@ -32,7 +35,7 @@ BARE = re.compile(r"(?<![A-Za-z\d.])()(0|[1-9]\d)(?:\.0)?_?C(?![A-Za-z])")
 BLANKS = re.compile(r"[_\s]+")
 # Words that name no cell: temperatures, rates, numbers, dates, kinds of test, drives, folders.
 NO_CELL = re.compile(
-    r"[nm+-]?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d+|"
+    r"([n+-]|(?-i:m))?\d*[.p]?\d+(deg|°)?c?|deg|degc|c\d+|[\d.:-]+|#?\d+|[nps]\d{1,2}|"
     r"(slow|full|quasi)?-?(dis)?ch(arge|g)?s?|cap(acity)?|cyc(le|ling)?s?\d*|(c-?)?rates?|"
     r"p?ocv|hppc|gitt|pitt|dcir|dyn(amic)?|pulses?|eis|peis|geis|ica|impedance|spectr(a|um)|"
     r"drives?|udds|us06|hwfet|hwcust|la92|wltp|wltc|nedc|fuds|dst|bjdst|nn|mixed\d*|random\d*|"
@@ -40,16 +43,29 @@ NO_CELL = re.compile(
     r"tests?\d*|files?|csv|txt|exports?|results?|temp(erature)?|start|end|validation|fit",
     re.IGNORECASE,
 )
+# Words of files' names that tell a kind, of those that the steps allow.
+NAMED = {
+    "hppc": r"hppc|gitt|pulses?",
+    "ocv": r"p?ocv",
+    "ageing": r"age?ing|cycling",
+    "capacity": r"cap(acity)?",
+    "ica": r"ica",
+}
 NUMBER = re.compile(r"#?\d+")
+SUFFIXES = re.compile(r"(\.[A-Za-z]\w*|\.\d{3})+$")  # .bdf.csv.gz and Maccor's .001, not .5C
 WHOLE = {"capacity", "ocv", "ica", "ageing"}  # kinds that go from one cut-off to the other
 SEPARATOR = ";"  # of the files of one test
 STEP_VOLT = 0.05  # cut-offs are proposed to this
 OVERSHOOT_VOLT = 0.01  # by which a reading may lie beyond the cut-off that stopped the tester
+ALIKE = 0.95  # of the largest charge of a cell, from which another may be of its type
 SHOWN = 5  # files or names that are named
 
 
 class Full(NamedTuple):
-    """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge."""
+    """A test of a cell from one cut-off to the other: ends of its voltage, its largest charge.
+
+    An end that no load led to is infinite: of a discharge alone, the upper cut-off is not known.
+    """
 
     low_volt: float
     high_volt: float
@@ -61,13 +77,15 @@ class Found(NamedTuple):
     """What the files of a folder hold.
 
     tests : rows of tests.tsv. full : of each cell `Full` tests. highest_volt : of each cell in any.
-    left_out : reason → files.
+    left_out : reason → files. read_celsius : rows of tests whose temperature no name says, and what
+    their thermometers read [°C].
     """
 
     tests: list[dict]
     full: dict[str, list[Full]]
     highest_volt: dict[str, float]
     left_out: dict[str, list[str]]
+    read_celsius: list[tuple[dict, float]]
 
 
 def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
@@ -79,7 +97,7 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
     """
     folder = Path(folder).resolve()
     paths = [folder / file for file in files_below(folder)]
-    found, common = Found([], {}, {}, {}), _common_folder(folder, paths)
+    found, common = Found([], {}, {}, {}, []), _common_folder(folder, paths)
     for path in paths:
         place = path.relative_to(folder).as_posix()
         try:
@@ -91,9 +109,11 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
             found.left_out.setdefault(said, []).append(place)
             continue
         _take(found, path, place, _cell_of(path, common, folder), seen)
+    _propose_temperatures(found.read_celsius)
     _propose_roles(found.tests)
-    cells = dict.fromkeys(row["cell"] for row in found.tests)
-    return [_cell(name, found) for name in cells], _unique(found.tests), found.left_out
+    cells = [_cell(name, found) for name in dict.fromkeys(row["cell"] for row in found.tests)]
+    _propose_ratings(cells, {name: _largest(full) for name, full in found.full.items()})
+    return cells, _unique(found.tests), found.left_out
 
 
 def write(folder) -> list[str]:
@@ -120,15 +140,17 @@ def write(folder) -> list[str]:
         (config / "config.yaml").write_text(title, encoding="utf-8")
     cold = [f"{row['cell']} {row['test']}" for row in tests if _lacks_temperature(row)]
     unknown = {
-        "cut-offs (no full test reaches them)": [
-            row["cell"] for row in cells if "upper_cutoff_volt" not in row
-        ],
-        "ambient_temperature_celsius": cold,
-    }
+        f"{side} cut-off (no full test reaches them)": [
+            row["cell"] for row in cells if f"{side}_cutoff_volt" not in row
+        ]
+        for side in ("lower", "upper")
+    } | {"ambient_temperature_celsius": cold}
+    of_cell = Counter(row["cell"] for row in tests)
     return [
         *unused,
-        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft. Look at the names of",
-        "cells, kinds, temperatures, roles and cut-offs; write chemistry and rating of the cells.",
+        f"{config}: {len(cells)} cells and {len(tests)} tests, as a draft",
+        f"cells, with their tests: {_named([f'{name} ({n})' for name, n in of_cell.items()])}",
+        "Look at cells, kinds, temperatures, roles, rating and cut-offs; write the chemistry.",
         *[f"to be filled in, {what}: {_named(names)}" for what, names in unknown.items() if names],
         f"next: ./run cellwright check {shlex.quote(str(folder))}",
     ]
@@ -145,26 +167,36 @@ def _named(names):
 
 def _take(found, path, place, cell, seen):
     """Add what one file holds."""
-    kind = _kind_of(path.name, [name for name, _ in seen.kinds])
+    kind, named = _kind_of(path.name, [name for name, _ in seen.kinds])
     if seen.series:
         volt = seen.series["voltage_volt"]
         low, high = float(np.nanmin(volt)), float(np.nanmax(volt))
         found.highest_volt[cell] = max(found.highest_volt.get(cell, 0.0), high)
         if WHOLE & {name for name, _ in seen.kinds}:  # others do not reach the cut-offs
-            charge = float(np.abs(half_cycles(seen.steps)[0]).max(initial=0.0))
-            found.full.setdefault(cell, []).append(Full(low, high, charge, path.name))
+            moved = half_cycles(seen.steps)[0]
+            ends = low if np.any(moved < 0) else np.inf, high if np.any(moved > 0) else -np.inf
+            found.full.setdefault(cell, []).append(Full(*ends, whole_charge(moved), path.name))
     if kind:
-        found.tests.append(_row(cell, path, place, kind, seen))
+        row = _row(cell, path, place, kind, seen)
+        found.tests.append(row)
+        warm = celsius(seen.series)
+        if not row["ambient_temperature_celsius"] and warm is not None:
+            found.read_celsius.append((row, warm))
+        if named:
+            row["note"] = f"its name says {named}, its steps do not"
     else:
         why = seen.refused or "its kind of test is not known from its steps"
         found.left_out.setdefault(why, []).append(place)
 
 
 def _kind_of(name, kinds):
-    """The likeliest kind; of pulses that of the file's name, for few over SoC are no less HPPC."""
-    if "hppc" in name.lower() and kinds[:1] == ["pulse_resistance"]:
-        return "hppc"
-    return kinds[0] if kinds else ""
+    """The kind that a file's name says, where its steps allow that, or else the likeliest; and what
+    the name says in vain. Few pulses over SoC are no less HPPC where the name says so."""
+    words = re.split(r"[\W_]+", name.lower())
+    named = [kind for kind, word in NAMED.items() if any(re.fullmatch(word, w) for w in words)]
+    allowed = {*kinds, "hppc"} if "pulse_resistance" in kinds[:1] else {*kinds}
+    agreed = [kind for kind in named if kind in allowed]
+    return next(iter((*agreed, *kinds)), ""), "" if agreed else " or ".join(named)
 
 
 def _common_folder(folder, paths):
@@ -178,10 +210,23 @@ def _cell_of(path, common, folder):
     """Name of the cell of a file, see `draft`."""
     inner = [_cell_words(part) for part in reversed(path.relative_to(common).parent.parts)]
     outer = [_cell_words(part) for part in reversed(common.relative_to(folder.parent).parts)]
-    words = BLANKS.split(path.name.split(".")[0])
-    kinds = [k for k, word in enumerate(words) if NO_CELL.fullmatch(word) and k]
-    begins = "" if NO_CELL.fullmatch(words[0]) else "_".join(words[: min(kinds, default=1)])
+    begins = _cell_begins(BLANKS.split(SUFFIXES.sub("", path.name)))
     return _plain(next(filter(None, (*inner, begins, *outer)), "cell"))
+
+
+def _cell_begins(words):
+    """What of a file's name names its cell: words before the first kind; a `#3` before it, too."""
+    if NO_CELL.fullmatch(words[0]):
+        return ""
+    numbers = list(takewhile(NUMBER.fullmatch, dropwhile(_names_cell, words)))
+    named = list(takewhile(_names_cell, words))
+    last = max((k for k, word in enumerate(numbers, 1) if word.startswith("#")), default=0)
+    begins = (named if len(named) < len(words) else words[:1]) + numbers[:last]
+    return "_".join(word.strip("#") for word in begins)
+
+
+def _names_cell(word):
+    return not NO_CELL.fullmatch(word)
 
 
 def _cell_words(name):
@@ -208,16 +253,26 @@ def _propose_roles(tests):
         rows[0]["role"] = "fit" if len(rows) > 1 else "split"
 
 
+def _propose_temperatures(read):
+    """One temperature for tests whose thermometers read it within 5 K: that of a room drifts."""
+    read = sorted(read, key=lambda one: one[1])
+    while read:
+        alike = [one for one in read if one[1] <= read[0][1] + 2 * SAME_CELSIUS]
+        middle = np.median([degree for _, degree in alike])
+        for row, _ in alike:
+            row["ambient_temperature_celsius"] = f"{middle:.0f}"
+        read = read[len(alike) :]
+
+
 def _row(cell, path, place, kind, seen):
     named = _celsius_in([path.name, *reversed(Path(place).parent.parts)])
-    warm = celsius(seen.series) if named is None else named
     others = ", ".join(name for name, _ in seen.kinds if name != kind)
     return {
         "cell": cell,
-        "test": _plain(path.name.split(".")[0]),
+        "test": _plain(SUFFIXES.sub("", path.name)),
         "kind": kind,
         "file": place,
-        "ambient_temperature_celsius": "" if warm is None else f"{warm:.0f}",
+        "ambient_temperature_celsius": "" if named is None else f"{named:.0f}",
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "note": f"could also be {others}" if others else "",
     }
@@ -233,25 +288,36 @@ def _celsius_in(names):
 
 
 def _cell(name, found):
-    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass.
-
-    The rating is the largest charge of a half cycle, to two digits, which the note says.
-    """
+    """A row of cells.tsv: cut-offs are the ends of full tests to 0.05 V, none that others pass."""
     row, full = {"cell": name}, found.full.get(name)
     if not full:
         return row
-    low = round(min(test.low_volt for test in full) / STEP_VOLT)
+    low = np.round(min(test.low_volt for test in full) / STEP_VOLT)
     high = np.ceil((max(test.high_volt for test in full) - OVERSHOOT_VOLT) / STEP_VOLT)
-    # Where another test goes beyond, no full one went to the end.
-    if found.highest_volt[name] < (high + 1) * STEP_VOLT:
+    if np.isfinite(low):
         row["lower_cutoff_volt"] = f"{max(low * STEP_VOLT, 0.0):.2f}"
+    # Where another test goes beyond, no full one went to the end.
+    if np.isfinite(high) and found.highest_volt[name] < (high + 1) * STEP_VOLT:
         row["upper_cutoff_volt"] = f"{high * STEP_VOLT:.2f}"
-    largest = max(full, key=lambda test: test.charge_ampere_hour)
-    if largest.charge_ampere_hour > 0:
-        charge = largest.charge_ampere_hour
-        row["rated_capacity_ampere_hour"] = f"{float(f'{charge:.2g}'):g}"
-        row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {largest.test}"
     return row
+
+
+def _largest(full):
+    """The test that moved the largest charge in a half cycle."""
+    return max(full, key=lambda test: test.charge_ampere_hour)
+
+
+def _propose_ratings(cells, largest):
+    """The largest charge of a half cycle to two digits, of cells that are alike one rating."""
+    told = [row for row in cells if row["cell"] in largest]
+    first = np.inf
+    for row in sorted(told, key=lambda row: -largest[row["cell"]].charge_ampere_hour):
+        test = largest[row["cell"]]
+        charge = test.charge_ampere_hour
+        first = first if charge >= ALIKE * first else charge
+        if charge > 0:
+            row["rated_capacity_ampere_hour"] = f"{float(f'{first:.2g}'):g}"
+            row["note"] = f"rating is a draft: {charge:.4g} Ah moved in {test.test}"
 
 
 def _unique(tests):

@@ -46,7 +46,7 @@ def _series(look):
         f"current: {_range(columns['current_ampere'])} A, in the file "
         f"{said[look.reading.sign]}" + (", here turned positive on charge" if look.series else ""),
     ]
-    out += [f"temperature: {warm:.1f} °C (median)"] if warm is not None else []
+    out += [f"temperature around the cell: {warm:.1f} °C"] if warm is not None else []
     if look.steps:
         kinds, counts = np.unique(look.steps["kind"], return_counts=True)
         out.append("steps: " + ", ".join(f"{n} {k}" for k, n in zip(kinds, counts, strict=True)))

@@ -542,7 +542,8 @@ def _tables_of_story(verdicts, witnesses) -> dict:
     """Tables of what was named and how sure it is, and of what other measurements say; or None."""
     found = {"named": None, "witnesses": None}
     if verdicts:
-        found |= {name: verdicts[0][name] for name in ("next_test", "in_one_line")}
+        names = ("next_test", "in_one_line", "of_model_in_use")
+        found |= {name: verdicts[0][name] for name in names}
     if any(one["effect"] for one in verdicts):
         sure = {"True": "sure", "False": "unsure: {}"}
         lines = [
@@ -552,12 +553,25 @@ def _tables_of_story(verdicts, witnesses) -> dict:
                 ", ".join(_as_good(one)),
                 f"{milli(one['rmse_before_volt'])} → {milli(one['rmse_after_volt'])}",
                 f"{milli(one['validation_before_volt'])} → {milli(one['validation_after_volt'])}",
+                f"{milli(one['without_part_volt'])} → {milli(one['with_part_volt'])}",
             ]
             for one in verdicts
             if one["effect"]
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
         read = "RMS error of the model without the effect → with it; all other effects stay in."
+        if any(one["part"] for one in verdicts):
+            columns += ["part of the model in use [mV]"]
+            read += " Of a part of the model in use the same, on blocks left out of its fit."
+        else:
+            lines = [line[:-1] for line in lines]
+        if verdicts[0]["in_use"]:
+            ends = (
+                milli(verdicts[0][f"{name}_volt"]) for name in ("in_use_fit", "validation_member")
+            )
+            end = [f"model in use: {verdicts[0]['in_use']}", "", "", *ends]
+            lines.append([*end, *[""] * (len(columns) - len(end))])
+            read += " Last the error of the model in use on the same tests."
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:

@@ -68,6 +68,7 @@ def verdicts(documents, witnesses=(), own=None, external=None) -> list[dict]:
             above = lacks_nothing_above((own or {}).get(verdict["cell"]))
             row = _verdict_row(verdict, effect) | _errors_of(verdict, own)
             row |= {"in_one_line": line, "lacks_nothing_above_volt": above}
+            row |= _in_use(verdict, effect["effect"], (own or {}).get(verdict["cell"]))
             rows.append(row | _sure(effect, said) | _counts([*said, *others]))
     return rows
 
@@ -139,6 +140,22 @@ def _errors_of(verdict, own) -> dict:
             "validation_volt"
         )
         for kind, of in kinds.items()
+    }
+
+
+def _in_use(verdict, effect, own) -> dict:
+    """The model in use on the same tests, and what the part of it that an effect is is worth."""
+    from cellwright.effects.story.in_use import part_of, sentences_in_use
+
+    known, part = (own or {}).get("in_use") or {}, part_of(effect, own)
+    return {
+        "in_use": known.get("model"),
+        "in_use_fit_volt": own["as_given_rmse_volt"]["fit"] if known else None,
+        "part": part.get("part"),
+        "part_worth": part.get("worth"),
+        "with_part_volt": known["left_out_rmse_volt"] if part else None,
+        "without_part_volt": part.get("left_out_rmse_volt"),
+        "of_model_in_use": " ".join(sentences_in_use(verdict, own)),
     }
 
 

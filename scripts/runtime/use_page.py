@@ -14,9 +14,11 @@ COLUMNS = ["for", "file", "holds", "to run it"]
 PYTHON = """import cellwright as cw  # in ./run python
 drive = {{"test_time_second": [0.0, 600.0], "current_ampere": [{ampere:g}, {ampere:g}]}}
 cw.simulate("results/models/{cell}.json", drive, initial_soc=0.9).to_frame()"""
-PYBAMM = """from thevenin import load, thevenin  # results/models/thevenin.py; discharge positive
+PYBAMM = """import pybamm
+from thevenin import load, thevenin  # results/models/thevenin.py, copied beside your script
 model, values = thevenin(load("results/models/{cell}/pybamm_thevenin.json", celsius={celsius:g}))
-values.update({{"Initial SoC": 0.9, "Current function [A]": {discharge:g}}})"""
+values.update({{"Initial SoC": 0.9, "Current function [A]": {discharge:g}}})  # of discharge
+solution = pybamm.Simulation(model, parameter_values=values).solve([0, 600])"""
 LOOKUP = """import pandas as pd
 pd.read_csv("results/models/{cell}/lookup.csv").query("not extrapolated")"""
 UNIT = """./run snakemake --cores 2 results/models/{cell}.fmu

@@ -22,7 +22,8 @@ from cellwright.effects import base
 from cellwright.effects.records import stacked
 from cellwright.records.record import record_of
 from first_look.__main__ import main
-from runtime import settings, sheets
+from runtime import contract, settings, sheets
+from runtime.plan import Plan
 
 SCHEMAS = ROOT / "workflow" / "schemas"
 # How many blocks of Python of each page a test runs; a new one needs a test first.
@@ -35,7 +36,10 @@ RUN = {
     "docs/recipes.md": 5,
     "docs/tutorial.md": 1,
     "lab/methods.md": 1,
+    "plugins/cellwright-fmu/README.md": 1,
 }
+# Options of Snakemake, in commands of the pages, that a value follows.
+WITH_VALUE = {"-s", "--cores", "--directory", "--workflow-profile", "--config", "--executor"}
 
 
 def test_every_block_of_python_has_a_test_that_runs_it():
@@ -63,17 +67,21 @@ def test_the_tutorial_s_block_simulates_a_model_file(tmp_path, monkeypatch):
     assert run["voltage_volt"].notna().all()
 
 
-def test_the_pack_of_the_exports_runs_from_its_file(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _pair(name):
+    """A pack model of two cells in parallel, the second a fifth smaller."""
     rows = [
-        {"group": "pair", "position": k + 1, "cell": cell, "connection": "parallel"}
+        {"group": name, "position": k + 1, "cell": cell, "connection": "parallel"}
         | {"wire_resistance_ohm": 0.0003, "initial_soc": 0.9}
         for k, cell in enumerate("AB")
     ]
     models = [strings.model("A"), strings.model("B", 0.8)]
+    return cw.assemble_pack(name, rows, models).content
+
+
+def test_the_pack_of_the_exports_runs_from_its_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     Path("results/pack_models").mkdir(parents=True)
-    content = cw.assemble_pack("pair", rows, models).content
-    Path("results/pack_models/pair.json").write_text(json.dumps(content))
+    Path("results/pack_models/pair.json").write_text(json.dumps(_pair("pair")))
     run = value_of(blocks("docs/exports.md")[1])
     # The larger cell takes the larger part of the 5 A.
     assert -4.0 < run["cell_1_current_ampere"].iloc[-1] < -2.5
@@ -130,7 +138,7 @@ def test_the_readme_s_sheets_are_a_campaign(tmp_path):
     assert campaign.tests[-1]["role"] == "validation"
 
 
-@pytest.mark.parametrize("page", [page for page in TEXTS if blocks(page, "yaml")])
+@pytest.mark.parametrize("page", [p for p in TEXTS if blocks(p, "yaml") and "warm" not in p])
 def test_settings_of_the_pages_are_settings(page, tmp_path):
     schema = settings.load(SCHEMAS, "config")
     for block in blocks(page, "yaml"):
@@ -155,6 +163,52 @@ def test_settings_that_the_pages_name_exist():
     ]
     assert len(named) > 5
     assert not [one for one in named if one[2] not in keys[one[1]]]
+
+
+def test_the_groups_of_the_campaign_page_are_a_sheet(tmp_path):
+    (sheet,) = [block for block in blocks("docs/campaign.md", "") if "\t" in block]
+    (tmp_path / "config").mkdir()
+    rows = "".join(f"C{number}\t2.5\t4.2\n" for number in range(1, 5))
+    cells = f"cell\tlower_cutoff_volt\tupper_cutoff_volt\n{rows}"
+    tests = "cell\ttest\tkind\tfile\tsoc\npack\trun\tgroup\trun.csv\t1\n"
+    for name, text in (("cells", cells), ("tests", tests), ("groups", sheet)):
+        (tmp_path / f"config/{name}.tsv").write_text(text)
+    plan = Plan(sheets.read(tmp_path, SCHEMAS))
+    assert plan.leaves["pack"] == ("C1", "C2", "C3", "C4")
+
+
+@pytest.mark.slow
+def test_the_units_of_the_plugin_s_page_are_made(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("models", "pack_models"):
+        Path("results", folder).mkdir(parents=True)
+    Path("results/models/C1.json").write_text(json.dumps(strings.model("C1")))
+    Path("results/pack_models/P1.json").write_text(json.dumps(_pair("P1")))
+    assert value_of(blocks("plugins/cellwright-fmu/README.md")[0])[:2] == b"PK"
+
+
+def test_targets_and_rows_of_the_pages_exist():
+    """Rules that commands of Snakemake ask for; columns by which `explain` is asked for a row."""
+    folders = (ROOT / "workflow", ROOT / "lab")
+    files = [p for folder in folders for p in (*folder.rglob("*.smk"), *folder.glob("Snakefile"))]
+    rules = {rule for p in files for rule in re.findall(r"^rule (\w+):", p.read_text(), re.M)}
+    asked = set()
+    for text in TEXTS.values():
+        for line in re.findall(r"\./run [^`\n#]*?snakemake ([^`\n#]*)", text):
+            words = line.split()
+            before = [None, *words]
+            asked |= {
+                word
+                for last, word in zip(before, words, strict=False)
+                if last not in WITH_VALUE and re.fullmatch(r"[a-z_]+", word)
+            }
+    assert {"fmu", "verify", "missing_effect"} <= asked
+    assert not asked - rules
+    rows = re.findall(r"explain results/([\w/]+)\.csv((?: \w+=\w+)+)", "".join(TEXTS.values()))
+    assert rows
+    for table, conditions in rows:
+        columns = contract.stages()[table]["columns"]
+        assert not set(re.findall(r"(\w+)=", conditions)) - set(columns)
 
 
 def test_commands_of_the_pages_exist():

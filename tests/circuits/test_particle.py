@@ -3,13 +3,18 @@
 import numpy as np
 import pytest
 from one_particle import CAPACITY, GRID, OCV, a_particle, a_record
+from scipy.integrate import solve_ivp
 
 from cellwright.circuits import particle
 from cellwright.circuits.particle import layout, of_document, run, to_document
+from cellwright.numerics.statistics import rms
 from cellwright.refusal import Refusal
 
 
-def volt_of(cell, record, **settings):
+def volt_of(cell, record, soc=None, **settings):
+    """Simulation of a record; soc: at its start, where nothing counts the charge."""
+    if soc is not None:
+        record[2][0] = soc
     return run(cell, *record, capacity_ampere_hour=CAPACITY, **settings)
 
 
@@ -87,6 +92,44 @@ def test_a_weak_load_polarises_as_an_rc_pair_whatever_the_rows():
         # In the first row nothing has flowed yet, and its current holds from there on.
         expected = current * ohm * (1.0 - np.exp(-time / (ohm * farad)))
         np.testing.assert_allclose(over, expected, rtol=2e-5, atol=1e-14)
+
+
+def test_charge_transfer_solves_its_equation():
+    """Against a general solver, on loads that turn from charge to discharge, in the cold."""
+    edges = np.arange(0.0, 300.0, 5.0)
+    time = np.sort(np.concatenate([edges, edges + 1e-6, edges + 1.0]))
+    current = np.repeat(np.random.default_rng(3).normal(-1.0, 3.0, 61), 3)[2:-1]
+    found = volt_of(a_particle(), (time, current, np.full(180, np.nan), -10.0), soc=0.5)
+    warmth = 1.0 / 263.15 - 1.0 / 298.15
+    bent = 5e3 * warmth**2 / (1.0 / 248.15 - 1.0 / 298.15)
+    ohm = 0.02 * np.exp((50e3 * warmth + bent) / 8.314462618)
+    farad = 15.0 * np.exp(2e3 * warmth / 8.314462618)
+    scale = 2.0 * 8.314462618 * 263.15 / 96485.33212
+
+    def rise(at, u):
+        return (np.interp(at, time, current) - scale / ohm * np.sinh(u / scale)) / farad
+
+    settings = {"t_eval": time, "max_step": 0.1, "rtol": 1e-9, "atol": 1e-12}
+    wanted = solve_ivp(rise, (0.0, time[-1]), [0.0], method="LSODA", **settings).y[0]
+    assert np.abs(wanted).max() > 2.0 * scale
+    np.testing.assert_allclose(found.overpotential_volt[0], wanted, rtol=0, atol=2e-6)
+
+
+def test_rows_of_a_second_are_short_enough():
+    """Against the same straight lines between rows in 64 steps each, as the surface runs empty."""
+    rows, finer = 900, 64
+    time = np.arange(0.0, rows)
+    changes = np.random.default_rng(4).normal(0.0, 1.0, rows // 9)
+    current = np.interp(time, time[::9], np.clip(np.cumsum(changes), -3.0, 5.0) - 3.0)
+    fine = np.linspace(0.0, rows - 1.0, finer * (rows - 1) + 1)
+    cell = a_particle(diffusion_per_second=-7.0, transfer_ohm=np.linspace(-2.0, -5.0, 10))
+    volt, wanted = (
+        volt_of(cell, (at, np.interp(at, time, current), np.full(len(at), np.nan), 0.0), soc=0.55)
+        for at in (time, fine)
+    )
+    off = volt.voltage_volt - wanted.voltage_volt[::finer]
+    assert (volt.surface_soc < 0.1).sum() > 50
+    assert rms(off) < 1e-4
 
 
 def test_cold_resistance_follows_arrhenius():

@@ -62,7 +62,8 @@ def test_growth_of_resistance_has_a_line_for_each_check_up():
     assert labels(first) == ["cycle 0", "cycle 900"]
     assert second.lines[1].get_ydata().tolist() == [4.0, 4.0, 4.0]
     fresh = {name: values[growth["cycle"] == 0] for name, values in growth.items()}
-    assert "needs pulse tests at two check-ups" in health.draw_resistance_growth(fresh).not_drawn
+    for few in (fresh, {}):  # {}: pulses of which none has a resistance
+        assert "needs pulse tests at two check-ups" in health.draw_resistance_growth(few).not_drawn
 
 
 def test_a_fleet_names_its_outlier_or_says_why_there_is_no_line():

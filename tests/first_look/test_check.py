@@ -39,7 +39,7 @@ def test_a_sound_test_gives_its_capacity_and_the_next_command(tmp_path, capsys):
     assert float(found) == pytest.approx(1.98, abs=0.02)
     assert "no model: needs an hppc test" in said
     assert said.splitlines()[-1] == f"next: ./run snakemake --cores 2 --directory {tmp_path}"
-    assert "0 of 1 tests are left out" in said
+    assert "1 tests: 0 left out, 0 that lack a result" in said
 
 
 def test_kelvin_percent_and_millivolt_are_told_by_their_size_all_at_once(tmp_path, capsys):
@@ -80,7 +80,7 @@ def test_a_file_that_was_moved_is_named_with_where_it_lies(tmp_path, capsys):
     )
     assert wanted in said
     assert "files that no sheet names: raw data/A #1.csv" in said
-    assert "1 of 1 tests are left out" in said
+    assert "1 tests: 1 left out" in said
     _, missing = campaign_check.check(folder, SCHEMAS)
     assert missing == [wanted], "a run, and a dry one, is told the same"
 
@@ -89,6 +89,7 @@ def test_what_a_test_cannot_give_is_said_with_what_its_steps_look_like(tmp_path,
     said = shown_of(campaign(tmp_path, "A7\tslow\tocv\traw data/A #1.csv\t25\t1"), capsys)
     assert "no open-circuit voltage: " in said
     assert "its steps look like those of kind capacity" in said
+    assert "1 tests: 0 left out, 1 that lack a result" in said
 
 
 def test_a_run_names_the_first_missing_files_and_counts_the_others():

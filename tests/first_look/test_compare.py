@@ -36,7 +36,7 @@ def test_a_change_stands_beside_both_intervals_with_its_reason(tmp_path):
     assert (change.row, change.quantity, change.before, change.after) == ("A", "soh", "0.95", "0.9")
     assert change.deviations == pytest.approx(3.54, abs=0.01)
     assert change.why == "file raw/a.csv; code of basis"
-    table, page = compare.write([change], tmp_path)
+    table, page = compare.write([change], tmp_path / "not/there")
     assert table.read_text().splitlines()[1].startswith("summary,A,soh,0.95,0.9,3.54,")
     text = page.read_text()
     assert 'class="worst">3.54</td>' in text
@@ -98,6 +98,16 @@ def test_an_artefact_that_is_no_table_is_explained_without_a_row(tmp_path):
         explain.explain(basis, ["2"])
     with pytest.raises(Refusal, match="found no row, wanted the number of a line"):
         explain.explain(tmp_path / "results/summary.csv", [])
+
+
+@pytest.mark.parametrize(
+    ("place", "found"),
+    [("results/no.csv", "no such file"), ("results", "a folder"), ("raw.csv", "no result")],
+)
+def test_what_is_no_result_is_told_as_what_it_is(tmp_path, place, found):
+    (run(tmp_path, 0.95) / "raw.csv").write_text("time\n")
+    with pytest.raises(Refusal, match=f"found {found}, wanted a table below results/"):
+        explain.explain(tmp_path / place, ["2"])
 
 
 def test_a_row_shows_its_own_doubts_and_not_those_of_its_table(tmp_path):

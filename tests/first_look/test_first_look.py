@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,9 +12,11 @@ import pytest
 from cycler_texts import HOUR, RECORDS, text_of
 
 import cellwright as cw
-from cellwright.records.kinds import likely_kinds
+from cellwright.records.kinds import likely_kinds, whole_charge
+from first_look import check
 from first_look import sheets as first_sheets
 from first_look.__main__ import main
+from first_look.one_file import celsius
 from runtime import artefact
 
 
@@ -35,6 +38,43 @@ def test_kinds_by_their_steps(kind):
     )
     steps = cw.segment(series.columns).rows._asdict()
     assert likely_kinds(steps)[0][0] == kind
+
+
+def test_a_titration_has_no_slow_branch_and_is_fitted_as_pulses():
+    """Loads of ten minutes, each before a rest of an hour."""
+    time = np.arange(0.0, 12 * 4200.0, 10.0)
+    current = np.where((time % 4200 < 600) & (time > 4200), -2.0, 0.0)
+    record = dict(zip(SERIES, (time, current, 4.1 - 1e-5 * time + 0.05 * current), strict=True))
+    steps = cw.segment(cw.clean(record).columns).rows._asdict()
+    assert [kind for kind, _ in likely_kinds(steps)] == ["hppc"]
+    assert "loads from rest: 11" in check._pulses(SimpleNamespace(**steps))
+
+
+def test_two_charges_joined_by_a_discharge_that_was_not_logged_are_no_whole_one():
+    """The largest of few half cycles is whole, for nothing tells more."""
+    assert whole_charge(np.array([2.0, -2.1, 2.0, -2.0, 4.1, -1.9])) == 2.1
+    assert whole_charge(np.array([2.0, -0.4])) == 2.0
+    assert whole_charge(np.zeros(0)) == 0.0
+
+
+def test_a_cell_that_loads_warm_tells_its_surroundings_where_it_is_coolest():
+    warm = np.r_[np.full(20, 24.0), np.full(80, 33.0)]
+    assert celsius({"surface_temperature_celsius": warm}) == 24.0
+    assert celsius({"ambient_temperature_celsius": warm}) == 33.0
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "wanted"),
+    [
+        ("A7 aging 2.csv", ["capacity", "ageing"], ("ageing", "")),
+        ("A7_ageing.csv", ["drive", "hppc"], ("drive", "ageing")),
+        ("A7 HPPC.csv", ["pulse_resistance"], ("hppc", "")),
+        ("A7 US06.csv", ["drive"], ("drive", "")),
+        ("A7 cap.csv", [], ("", "capacity")),
+    ],
+)
+def test_a_name_chooses_among_the_kinds_that_the_steps_allow(name, kinds, wanted):
+    assert first_sheets._kind_of(name, kinds) == wanted
 
 
 def test_inspect_says_what_a_file_holds(tmp_path, capsys):
@@ -95,8 +135,8 @@ def test_inspect_goes_on_after_a_file_that_is_refused(tmp_path, capsys):
 
 def test_init_drafts_sheets_and_overwrites_none(tmp_path, capsys):
     for cell in ("A7", "B2"):
-        for kind, celsius in (("capacity", "25degC"), ("ocv", "n10C")):
-            (tmp_path / f"{cell}_{kind}_{celsius}.csv").write_text(text_of(*RECORDS[kind]))
+        for kind, degree in (("capacity", "25degC"), ("ocv", "n10C")):
+            (tmp_path / f"{cell}_{kind}_{degree}.csv").write_text(text_of(*RECORDS[kind]))
     (tmp_path / "readme.txt").write_text("see the paper\n")
     assert main(["init", str(tmp_path)]) == 0
     assert "left out: readme.txt: " in capsys.readouterr().out
@@ -131,12 +171,23 @@ def drafted(folder, *places, kind="capacity", volt=0.0):
         (("25degC/A7_cap.csv", "0degC/A7_cap.csv"), ["A7", "A7"]),
         (("raw/A7_capacity_25C.csv", "raw/B 2 ocv.csv"), ["A7", "B"]),
         (("hppc/0C_1C.csv", "rate/25C.csv"), ["Maker"] * 2),
+        (("LF 26650 #3 cap #2.csv", "LF 26650 #4 0.5C.csv"), ["LF_26650_3", "LF_26650_4"]),
+        (("M50 #1 0degC.csv", "M50T #2.csv"), ["M50_1", "M50T_2"]),
+        (("S001_C10.csv", "S002_C10.csv"), ["S001", "S002"]),
     ],
 )
 def test_a_cell_is_named_by_what_is_no_temperature_and_no_test(tmp_path, places, cells):
     _, tests, _ = drafted(tmp_path / "Maker", *places)
     found = {row["file"]: row["cell"] for row in tests}
     assert [found[place] for place in places] == cells
+
+
+@pytest.mark.parametrize(
+    ("file", "test"),
+    [("A7 0.5C.bdf.csv.gz", "A7_0_5C"), ("A7 0.2C.001", "A7_0_2C"), ("A7 #1.csv", "A7_1")],
+)
+def test_a_point_in_a_name_begins_no_suffix(tmp_path, file, test):
+    assert drafted(tmp_path, file)[1][0]["test"] == test
 
 
 @pytest.mark.parametrize(
@@ -170,13 +221,34 @@ def test_init_drafts_rating_cut_offs_title_and_the_next_command(tmp_path):
     assert lines[-1] == f"next: ./run cellwright check '{folder}'"
 
 
+def test_thermometers_of_one_room_draft_one_temperature():
+    read = [({}, degree) for degree in (26.6, 24.1, -9.0, 25.2, 40.0)]
+    first_sheets._propose_temperatures(read)
+    drafted = [row["ambient_temperature_celsius"] for row, _ in read]
+    assert drafted == ["25", "25", "-9", "25", "40"]
+
+
+def test_cells_that_move_nearly_the_same_charge_get_one_rating():
+    """Two digits of 2.752 and 2.748 Ah differ; those of another type stay another's."""
+    charges = {"A": 2.748, "B": 2.752, "C": 2.0, "D": 0.0}
+    cells = [{"cell": name} for name in charges]
+    largest = {name: first_sheets.Full(3.0, 4.2, charge, "a") for name, charge in charges.items()}
+    first_sheets._propose_ratings(cells, largest)
+    ratings = [row.get("rated_capacity_ampere_hour") for row in cells]
+    assert ratings == ["2.8", "2.8", "2", None]
+
+
 def test_no_cut_off_is_drafted_below_a_voltage_that_another_test_reaches():
     full = [first_sheets.Full(3.0, 4.1, 2.0, "a")]
-    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {})
+    found = first_sheets.Found([], {"A": full, "B": full}, {"A": 4.21, "B": 4.12}, {}, [])
     assert "upper_cutoff_volt" not in first_sheets._cell("A", found)
     assert first_sheets._cell("B", found)["upper_cutoff_volt"] == "4.10"
+    discharge = [first_sheets.Full(3.0, -np.inf, 2.0, "a")]
+    found = first_sheets.Found([], {"A": discharge}, {"A": 4.17}, {}, [])
+    drafted = first_sheets._cell("A", found)
+    assert (drafted["lower_cutoff_volt"], "upper_cutoff_volt" in drafted) == ("3.00", False)
     slightly = [first_sheets.Full(3.0, 4.17, 2.0, "a")]
-    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {})
+    found = first_sheets.Found([], {"A": slightly}, {"A": 4.17}, {}, [])
     assert first_sheets._cell("A", found)["upper_cutoff_volt"] == "4.20"
 
 

@@ -234,6 +234,7 @@ def test_every_page_that_code_and_comments_name_exists():
     paths = [path for folder in folders for path in (ROOT / folder).rglob("*.*")]
     made = {"__pycache__", "results", "build"}
     read = [p for p in paths if p.is_file() and p.suffix in kinds and not made & set(p.parts)]
+    read += [ROOT / ".snakemake-workflow-catalog.yml", ROOT / "run", ROOT / "container/Dockerfile"]
     page = re.compile(r"\b(?:docs|lab|benchmarks)/[\w/-]+\.md\b")
     named = {(one, name(p)) for p in read for one in page.findall(p.read_text(encoding="utf-8"))}
     assert len(named) > 50

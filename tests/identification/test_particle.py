@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from one_particle import CAPACITY, GRID, OCV, a_particle
 
-from cellwright.circuits.particle import layout, run
-from cellwright.identification.particle import fitted, left_out, task_of
+from cellwright.circuits.particle import layout, run, to_document
+from cellwright.identification.in_use import with_parts
+from cellwright.identification.particle import WITHOUT, fitted, left_out, task_of
 from cellwright.numerics.statistics import rms
 from cellwright.records.blocks import blocks_of_used, parts
 from cellwright.records.record import record_of
@@ -32,20 +33,19 @@ def drive(cell, celsius, seed):
     random = np.random.default_rng(seed)
     time = np.arange(0.0, 3600.0, 1.0)
     current = np.repeat(np.clip(random.normal(-1.5, 2.5, 720), -8.0, 4.0), 5)
-    return measured(cell, time, current, celsius, seed)
+    return measured(cell, time, current, celsius, seed, "drive")
 
 
-def measured(cell, time, current, celsius, seed):
+def measured(cell, time, current, celsius, seed, kind="hppc"):
     passed = np.append(0.0, np.cumsum((current[1:] + current[:-1]) / 2 * np.diff(time)))
     soc = 1.0 + passed / 3600.0 / CAPACITY
     volt = run(cell, time, current, soc, celsius, capacity_ampere_hour=CAPACITY).voltage_volt
     volt = volt + np.random.default_rng(seed).normal(0.0, NOISE_VOLT, len(time))
-    kind = "hppc" if len(time) < 3000 else "drive"
     return record_of(time, current, volt, soc, kind=kind, celsius=celsius)
 
 
 def a_fit(temperatures, ways=(-3.0,), **numbers):
-    truth = a_particle(temperatures, transfer_bend_joule_per_mole=0.0, **numbers)
+    truth = a_particle(temperatures, **({"transfer_bend_joule_per_mole": 0.0} | numbers))
     conditions = []
     for number, celsius in enumerate(temperatures):
         record = pulses(truth, celsius, number, ways)
@@ -111,3 +111,36 @@ def test_one_temperature_leaves_the_energies_to_their_priors():
     place = layout(1)["transfer_joule_per_mole"]
     assert len(fit.basins) == 1
     assert fit.std[place] > 0.9 * task.std[place]
+
+
+# Either of two cells has the parts that the other lacks.
+DYNAMIC = {"diffusion", "kinetics", "temperature"}
+COURSED = {
+    **{name: value for part in DYNAMIC for name, value in WITHOUT[part].items()},
+    "r0_ohm": np.log([0.03, 0.02, 0.014, 0.02]),
+    "transfer_ohm": np.log(0.02) + np.linspace(0.8, -0.4, 10),
+    "fast_ohm": np.log(0.01) + np.linspace(0.9, -0.6, 6),
+    "slow_ohm": np.log(0.008) + np.linspace(0.9, -0.6, 6),
+    "ocv_shift_volt": 0.02 * np.sin(np.arange(16.0)),
+    "ocv_volt_per_kelvin": 4e-4 * np.cos(np.arange(8.0)),
+    "hysteresis_volt": 0.02,
+    "missing": np.array([0.06, 0.01]),
+    "stretch": np.array([-0.08, 0.03]),
+}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "has"),
+    [({}, DYNAMIC), (COURSED, set(WITHOUT) - DYNAMIC)],
+    ids=["dynamic", "coursed"],
+)
+def test_a_part_is_worth_something_where_the_cell_has_it_and_nothing_where_not(numbers, has):
+    _, task, fit, conditions = a_fit((0.0, 25.0), (-3.0, 3.0), **numbers)
+    scores = left_out(task, fit, conditions)
+    about = {"left_out": [[score.square_volt2, score.rows] for score in scores]}
+    model = {"particle": to_document(fit.particle) | about}
+    model, rows = with_parts(model, [], task, conditions)
+    parts = model["particle"]["parts"]
+    assert {one["part"] for one in parts} == set(WITHOUT)
+    assert {one["part"] for one in parts if one["worth"]} == has, parts
+    assert [row["model"] for row in rows[:2]] == ["P without diffusion"] * 2

@@ -9,6 +9,7 @@ PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "config/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "lab").glob("*.md")),
+    *sorted((ROOT / "plugins").glob("*/README.md")),
 ]
 TEXTS = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in PAGES}
 

@@ -33,3 +33,6 @@ def test_each_export_says_what_it_holds_and_what_that_costs(exported):
     assert holds["PyBaMM"] == f"DRT, 5.2 mV; {in_use}. it cannot run diffusion."
     assert holds["Simulink and other tables"] == f"2RC, not validated; {in_use}"
     assert '"current_ampere": [-2.5, -2.5]' in rows[0][3].text
+    for row in rows[:2]:  # lines of Python and of PyBaMM are whole programs
+        names = set(compile(row[3].text, "page", "exec").co_names)
+        assert {"simulate"} <= names or {"pybamm", "Simulation", "solve"} <= names

@@ -283,6 +283,11 @@ def test_a_folder_is_told_of_only_where_it_is_not_there(installed, quick):
     for asked in (["-d", str(installed)], ["-s", "other", "-d", "typo"], ["--cores", "2"]):
         found = run(installed, "snakemake", *asked, path=path, HOME="")
         assert found.stdout == f"ran {' '.join(asked)}\n", found.stderr
+    campaign = installed / "campaign"
+    campaign.mkdir()
+    call = command(installed, "snakemake", "--cores", "2", path=path, HOME="")
+    said = subprocess.run(**call, cwd=campaign, capture_output=True, text=True, check=True).stdout
+    assert said == f"ran --snakefile {installed}/Snakefile --cores 2\n", "no Snakefile there"
 
 
 @pytest.mark.slow

@@ -38,12 +38,18 @@
     if (!drawn.length) { return; }
     var axis = { stroke: style.getPropertyValue("--ink"), grid: { stroke: style.getPropertyValue("--line"), width: 1 } };
     plot = new uPlot({
-      width: Math.max(box.clientWidth, 280), height: 420, scales: { x: { time: false } },
+      width: Math.max(box.clientWidth, 280), height: 420, scales: { x: { time: false, range: wide }, y: { range: wide } },
       axes: [Object.assign({ label: about.x }, axis), Object.assign({ label: about.y, size: 66 }, axis)],
       series: [{ label: about.x }].concat(drawn.map(function (one, k) {
         return { label: one.cell + " " + one.label, stroke: colours[k % colours.length], dash: k < colours.length ? [] : [6, 3], width: 1.4, spanGaps: true, points: { show: one.x.length < 30, size: 6 } };
       }))
     }, uPlot.join(drawn.map(function (one) { return [one.x, one.y]; })), box);
+  }
+  // Points that are one get an axis of a hundredth of their size, on which labels differ.
+  function wide(of, low, high) {
+    if (low === null) { return [low, high]; }
+    var least = Math.max(Math.abs(low), Math.abs(high), 1e-9) / 100, more = Math.max(0.04 * (high - low), (least - high + low) / 2);
+    return [low - more, high + more];
   }
   if (section) {
     section.addEventListener("change", function (event) { if (event.target.matches("select")) { list(); } else { draw(); } });

@@ -1,11 +1,20 @@
 """Models that are ready for use: what stands on several rooms at once."""
 
 from cellwright.circuits.inputs import model as model_content
+from cellwright.circuits.model_file import in_use
 from cellwright.circuits.parameters import parameter_rows
+from cellwright.circuits.particle import NAME as PARTICLE
 from cellwright.effects.member import finished
 from cellwright.filters.learnt import with_learnt_noise
 from cellwright.identification.compensation import laws_kept, with_laws
-from cellwright.identification.in_use import beside_particle, fitted_records, marked, proved
+from cellwright.identification.in_use import (
+    beside_particle,
+    fitted_records,
+    marked,
+    particle_task,
+    proved,
+    with_parts,
+)
 from cellwright.identification.intervals import with_intervals
 from cellwright.records import inputs
 from cellwright.result import Result
@@ -57,6 +66,9 @@ def finish_model(
         measured = inputs.basis(basis), facts, inputs.tests(tests)
         fitted = fitted_records(content, *measured, **rest)
         content, choice = beside_particle(content, choice, fitted)
+        if effects is not None and in_use(content) == PARTICLE:
+            task, conditions = particle_task(content, fitted, *measured, **rest)
+            content, choice = with_parts(content, choice, task, conditions)
         records = [[one.record for one in condition] for condition in fitted]
         content = with_intervals(with_learnt_noise(content, records), fitted)
     return _with_choice(content, choice)

@@ -5,9 +5,8 @@ temperatures, and the derivative of its voltage by each of them.
    diffusion, whose rate D/R² depends on the local SoC: z is that of its shells, and z_s at the
    surface.
 2. Charge transfer there has a capacitance beside it: C·du/dt = I − (s/R)·sinh(u/s), s = n·RT/F, R
-   over z_s. So a weak cold load polarises slowly, which no fixed time constant shows. A step is
-   that of a lag with the resistance at its end: exact where the kinetics are linear, and where they
-   have settled.
+   over z_s. So a weak cold load polarises slowly, which no fixed time constant shows. Each third of
+   a step is solved exactly for one current and the resistance in its middle.
 3. Two linear lags, w' = (I − w)/τ, stand for the electrolyte and the other electrode.
 4. What an electrode shows after a charge and after a discharge differs by 2·M(z_s): a hysteresis
    whose small loops close, of state h between −1 and 1.
@@ -17,8 +16,9 @@ Rates and resistances follow Arrhenius laws; those of resistances may bend: what
 to −5 °C is not at −25 °C.
 
 Sources: diffusion J. Crank, The Mathematics of Diffusion (1975), ch. 6; finite volumes Y. Zeng et
-al., J. Electrochem. Soc. 160 (2013) A1565; charge transfer with a double layer J. Newman, K.
-Thomas-Alyea, Electrochemical Systems (2004), ch. 8 and 22.
+al., J. Electrochem. Soc. 160 (2013) A1565; two implicit stages R. Alexander, SIAM J. Numer. Anal.
+14 (1977) 1006; charge transfer with a double layer J. Newman, K. Thomas-Alyea, Electrochemical
+Systems (2004), ch. 8 and 22.
 """
 
 from typing import NamedTuple
@@ -43,9 +43,9 @@ COUNTED_SECOND = 0.5  # of a step, in which a counter tells the charge better th
 REFERENCE_KELVIN = REFERENCE_CELSIUS + ZERO_CELSIUS_KELVIN
 COLD_KELVIN = 248.15  # −25 °C, at which the bend of an Arrhenius line is stated
 BEND_REFERENCE = 1.0 / COLD_KELVIN - 1.0 / REFERENCE_KELVIN  # 1/K
-ROUNDS, LEAST_STIFFNESS = 80, 0.2  # of Newton's method: tries, and the least slope it trusts
+TRANSFER_PARTS = 3  # of a step, in each of which charge transfer sees one current
+STAGE = 1.0 - 0.5**0.5  # of a step of the diffusion, in either of two that make one second order
 NEARLY_NONE = 1e-3  # below which a series serves
-LARGEST = 40.0  # overvoltage in units of its scale, beyond which sinh is of no use
 
 NEAR_EMPTY = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.75, 1.0)
 OHMIC = (0.0, 0.1, 0.5, 1.0)
@@ -420,7 +420,7 @@ def _states(columns, parameters, derivatives):
         np.empty((rows, len(lags), 2) if derivatives else (0, 0, 0)),
     )
     sphere = (SHELLS, *_shells(), LONGEST_SECOND, REFERENCE_KELVIN, BEND_REFERENCE)
-    courses = (len(knots), knots, len(knots), knots, vector, len(lags), lags)
+    courses = (len(knots), knots, vector, len(lags), lags)
     kernel = _kernel()
     if kernel is None:
         return _twin(columns, vector, lags, states, derivatives)
@@ -461,63 +461,61 @@ def compiled():
 
 def _kernel():
     types = (count, *[array] * 4, count, array, array, *[real] * 4)
-    types += (count, array, count, array, array, count, array, count, *[array] * 6)
+    types += (count, array, array, count, array, count, *[array] * 6)
     return function("particle", *types)
 
 
 def _twin(columns, vector, lags, states, derivatives):
     """What native/particle.c says, in numpy: `states`, filled."""
-    knots, (volume, conductance, to_surface) = np.array(NEAR_EMPTY), _shells()
+    knots, sphere = np.array(NEAR_EMPTY), _shells()
     rates = len(knots)
     moving = rates + 3
-    whole = moving + rates + 5
-    ln_rate, rate_energy = vector[2 : 2 + rates], vector[2 + rates]
+    whole, flux = moving + rates + 5, vector[1]
     ln_transfer, (energy, bend, ln_farad, farad_energy, ln_scale) = (
         vector[moving : moving + rates],
         vector[moving + rates :],
     )
     z, z_by = np.full(SHELLS, vector[0]), np.zeros((SHELLS, moving))
     z_by[:, 0] = 1.0
-    u, u_by, surface, surface_by = 0.0, np.zeros(whole), vector[0], np.eye(1, moving)[0]
+    before = z, z_by, np.inf
+    u, u_by, log_ohm, log_by = 0.0, np.zeros(whole), 0.0, np.zeros(whole)
     w, w_by = np.zeros(len(lags)), np.zeros((len(lags), 2))
     for k, (second, now, counted, celsius) in enumerate(zip(*columns, strict=True)):
         kelvin = celsius + ZERO_CELSIUS_KELVIN
         warmth = 1.0 / kelvin - 1.0 / REFERENCE_KELVIN
-        if k and second > 0:
-            parts = int(np.ceil(second / LONGEST_SECOND)) if second > LONGEST_SECOND else 1
-            flow = counted * vector[1]
-            for _ in range(parts):
-                log, slope, hat = _course(ln_rate, knots, z)
-                rate = np.exp(log - rate_energy * warmth / GAS_CONSTANT)
-                rate_by = (rate * slope)[:, None] * z_by
-                rate_by[:, 2 : 2 + rates] += hat.times(rate)
-                rate_by[:, 2 + rates] -= rate * warmth / GAS_CONSTANT
-                z, z_by = _diffused(
-                    z, z_by, rate, rate_by, (volume, conductance), second / parts, flow
-                )
-                lead = flow / rate[-1] * to_surface
-                surface = z[-1] + lead
-                surface_by = z_by[-1] - lead / rate[-1] * rate_by[-1]
-                surface_by[1] += lead
-            (log,), (slope,), hat = _course(ln_transfer, knots, np.array([surface]))
-            bent = warmth**2 / BEND_REFERENCE
-            ohm = np.exp(log + (energy * warmth + bend * bent) / GAS_CONSTANT)
-            farad = np.exp(ln_farad + farad_energy * warmth / GAS_CONSTANT)
-            scale = np.exp(ln_scale) * GAS_CONSTANT * kelvin / FARADAY
-            own = [*hat.times(1.0)[0], warmth / GAS_CONSTANT, bent / GAS_CONSTANT, 0.0, 0.0, 0.0]
-            log_by = np.concatenate([slope * surface_by, own])
-            first = columns[1][k - 1]
+        second = second if k else 0.0
+        parts = int(np.ceil(second / LONGEST_SECOND))
+        for _ in range(parts):
+            part = second / parts
+            ahead = 0.5 * min(part / before[2], 1.0)
+            soc, soc_by = z + ahead * (z - before[0]), z_by + ahead * (z_by - before[1])
+            rate, rate_by = _rate(vector, knots, soc, soc_by, warmth)
+            before = z, z_by, part
+            z, z_by = _diffused(z, z_by, rate, rate_by, sphere, part, counted * flux)
+        (rate,), (rate_by,) = _rate(vector, knots, z[-1:], z_by[-1:], warmth)
+        lead = now * flux / rate * sphere[2]
+        surface, surface_by = z[-1] + lead, z_by[-1] - lead / rate * rate_by
+        surface_by[1] += lead
+        (log,), (slope,), hat = _course(ln_transfer, knots, np.array([surface]))
+        bent = warmth**2 / BEND_REFERENCE
+        log_before, log_before_by = log_ohm, log_by
+        log_ohm = log + (energy * warmth + bend * bent) / GAS_CONSTANT
+        own = [*hat.times(1.0)[0], warmth / GAS_CONSTANT, bent / GAS_CONSTANT, 0.0, 0.0, 0.0]
+        log_by = np.concatenate([slope * surface_by, own])
+        if second > 0:
+            currents = columns[1][k - 1], now
             ratio = second / np.exp(lags[:, 0] + lags[:, 1] * warmth / GAS_CONSTANT)
-            decay, w, by_ratio = _lag_ended(ratio, w, first, now)
+            decay, w, by_ratio = _lag_ended(ratio, w, *currents)
             by_log = -ratio * by_ratio
             by = np.column_stack([by_log, by_log * warmth / GAS_CONSTANT])
             w_by = decay[:, None] * w_by + by
-            u, decay, by_ohm, by_log_farad, by_scale, stiffness = _polarised(
-                u, second, (first, now), ohm, farad, scale
+            farad = np.exp(ln_farad + farad_energy * warmth / GAS_CONSTANT)
+            scale = np.exp(ln_scale) * GAS_CONSTANT * kelvin / FARADAY
+            u, decay, (by_begin, by_end, by_log_farad, by_log_scale) = _transferred(
+                u, second, currents, (log_before, log_ohm), farad, scale
             )
-            u_by = decay * u_by + by_ohm * log_by
-            u_by[-3:] += [by_log_farad, by_log_farad * warmth / GAS_CONSTANT, by_scale]
-            u_by = u_by / stiffness
+            u_by = decay * u_by + by_begin * log_before_by + by_end * log_by
+            u_by[-3:] += [by_log_farad, by_log_farad * warmth / GAS_CONSTANT, by_log_scale]
         states.surface_soc[k], states.transfer_volt[k], states.lagged_ampere[k] = surface, u, w
         if derivatives:
             states.surface_by[k], states.transfer_by[k] = surface_by, u_by
@@ -525,24 +523,39 @@ def _twin(columns, vector, lags, states, derivatives):
     return states
 
 
+def _rate(vector, knots, soc, soc_by, warmth):
+    """Rate of diffusion at some SoC (m,) [1/s], and its derivatives (m, moving)."""
+    rates = len(knots)
+    log, slope, hat = _course(vector[2 : 2 + rates], knots, soc)
+    rate = np.exp(log - vector[2 + rates] * warmth / GAS_CONSTANT)
+    rate_by = (rate * slope)[:, None] * soc_by
+    rate_by[:, 2 : 2 + rates] += hat.times(rate)
+    rate_by[:, 2 + rates] -= rate * warmth / GAS_CONSTANT
+    return rate, rate_by
+
+
 def _diffused(z, z_by, rate, rate_by, sphere, second, flow):
-    """SoC of the shells after an implicit step, and its derivatives."""
-    volume, conductance = sphere
+    """SoC of the shells after an implicit step of second order, and its derivatives."""
+    volume, conductance, _ = sphere
     sums = rate[:-1] + rate[1:]
     passed = 2.0 * rate[:-1] * rate[1:] / sums * conductance[:-1]
-    matrix = np.diag(volume / second + np.append(passed, 0.0) + np.append(0.0, passed))
+    weight = volume / (STAGE * second)
+    matrix = np.diag(weight + np.append(passed, 0.0) + np.append(0.0, passed))
     matrix -= np.diag(passed, 1) + np.diag(passed, -1)
-    right = volume / second * z
-    right[-1] += flow
-    after = np.linalg.solve(matrix, right)
     inner, outer = (2.0 * conductance[:-1] * r**2 / sums**2 for r in (rate[1:], rate[:-1]))
     passed_by = inner[:, None] * rate_by[:-1] + outer[:, None] * rate_by[1:]
-    change = np.diff(after)[:, None] * passed_by
-    right_by = (volume / second)[:, None] * z_by
-    right_by[:-1] += change
-    right_by[1:] -= change
-    right_by[-1, 1] += flow
-    return after, np.linalg.solve(matrix, right_by)
+    begin, begin_by = z, z_by
+    for kept in (0.0, -np.sqrt(2.0)):
+        right = weight * ((1.0 - kept) * z + kept * begin)
+        right_by = weight[:, None] * ((1.0 - kept) * z_by + kept * begin_by)
+        right[-1] += flow
+        z = np.linalg.solve(matrix, right)
+        change = np.diff(z)[:, None] * passed_by
+        right_by[:-1] += change
+        right_by[1:] -= change
+        right_by[-1, 1] += flow
+        z_by = np.linalg.solve(matrix, right_by)
+    return z, z_by
 
 
 def _lag_ended(ratio, begin, first, now):
@@ -555,29 +568,43 @@ def _lag_ended(ratio, begin, first, now):
     return decay, state, (first - begin) * decay + (now - first) * by_after
 
 
-def _chord(x):
-    """x/sinh(x), the resistance of the kinetics over that at rest, and the slope of its ln."""
-    if abs(x) < NEARLY_NONE:
-        return 1.0 - x**2 / 6.0, -x / 3.0
-    size = min(abs(x), LARGEST)
-    return size / np.sinh(size), np.sign(x) * (1.0 / size - 1.0 / np.tanh(size))
+def _transferred(begin, second, currents, logs, farad, scale):
+    """Overvoltage of charge transfer at the end of a step [V], what is left of that at its begin,
+    and derivatives by ln resistance at begin and end, ln capacitance and ln scale.
 
-
-def _polarised(begin, second, currents, ohm, farad, scale):
-    """Overvoltage of charge transfer at the end of a step [V]: a lag with the resistance that it
-    has at that end, by Newton's method. And what its derivatives are made of."""
-    u = begin
-    for _ in range(ROUNDS):
-        chord, by_chord = _chord(u / scale)
-        here = ohm * chord
-        ratio = second / (farad * here)
-        decay, state, by_ratio = _lag_ended(ratio, begin / here, *currents)
-        by_log_farad = -ratio * here * by_ratio
-        by_ohm = here * state - decay * begin + by_log_farad
-        stiffness = 1.0 - by_ohm * by_chord / scale
-        move = (here * state - u) / max(stiffness, LEAST_STIFFNESS)
-        u = u + np.clip(move, -2.0 * scale, 2.0 * scale)
-        if abs(move) < 1e-12:
-            break
-    by_scale = -by_ohm * by_chord * u / scale
-    return u, decay, by_ohm, by_log_farad, by_scale, stiffness
+    exp(u/s) under a constant current follows a Riccati equation, solved as it stands: in each part
+    of a step the current is the one by which a lag would end as on the straight line.
+    """
+    first, step = currents[0], (currents[1] - currents[0]) / TRANSFER_PARTS
+    y, left, by = np.exp(begin / scale), 1.0, np.array([0.0, 0.0, 0.0, -begin / scale])
+    for part in range(TRANSFER_PARTS):
+        at = (part + 0.5) / TRANSFER_PARTS
+        ohm = np.exp(logs[0] + at * (logs[1] - logs[0]))
+        later = first + step * (part + 1)
+        b, base = ohm * later / scale, second / TRANSFER_PARTS / (ohm * farad)
+        ratio = base * np.sqrt(1.0 + b**2)
+        gained = -np.expm1(-ratio)
+        share, by_share = 0.5 + ratio / 12.0, 1.0 / 12.0
+        if ratio > NEARLY_NONE:
+            share = 1.0 / gained - 1.0 / ratio
+            by_share = 1.0 / ratio**2 - (1.0 - gained) / gained**2
+        a = ohm * (later + step * (share - 1.0)) / scale
+        q = np.sqrt(1.0 + a**2)
+        passed = -np.expm1(-q * base)
+        t, rest = passed / (2.0 - passed), 2.0 * (1.0 - passed) / (2.0 - passed)
+        g, small = t / q, (1.0 / (q + abs(a)) + rest * abs(a)) / q  # 1 - |a| g, of no difference
+        above, below = (1.0 + a * g, small) if a >= 0.0 else (small, 1.0 - a * g)
+        up, down = above + g / y, below + g * y
+        flat = rest * (2.0 - rest)
+        decay, far = flat / (up * down), a - 0.5 * (y - 1.0 / y)  # from where it would settle
+        of_g = a / q**2 * (0.5 * flat * base - g)
+        own = (t / q + a**2 * 0.5 * base * flat) / q**2
+        by_a = (own + of_g / y) / up + (own - of_g * y) / down
+        by_base, by_turn = decay * far * base, by_a * ohm / scale * step * by_share * ratio
+        by_log_ohm = a * by_a - by_base - by_turn / (1.0 + b**2)
+        by_log_scale = -a * by_a - by_turn * b**2 / (1.0 + b**2)
+        y, left = y * up / down, left * decay
+        own_by = (1.0 - at) * by_log_ohm, at * by_log_ohm, -by_base - by_turn, by_log_scale
+        by = decay * by + np.array(own_by)
+    volt = scale * np.log(y)
+    return volt, left, scale * by + np.array([0.0, 0.0, 0.0, volt])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits import inputs as given
+from cellwright.circuits.model_file import in_use
 from cellwright.effects import base
 from cellwright.effects.advice import advised
 from cellwright.effects.case import Gates, not_excited
@@ -71,7 +72,7 @@ def missing_effect(
     tests : of roles fit, split and validation. settings : `settings.MissingEffect`.
     references : (cell, basis, tests) of healthy cells of the type; from three on, the cell is
         compared with them.
-    model : result of `finish_model`, or path of its file: what does its chosen member still lack?
+    model : result of `finish_model`, or path of its file: what does the model in use still lack?
     simulated : dict test → (time (n,) [s], voltage (n,) [V]) by any simulator, on the test's own
         clock, or the result of `read_simulated`: what does that one lack? Tests without a simulated
         voltage take no part; one whose simulation does not fit is left out with a note.
@@ -115,6 +116,10 @@ def missing_effect(
     finding = of_case(cell.cell, case, library, **names)
     text = "\n".join([finding.verdict["paragraph"], *ready.caveats])
     verdict = finding.verdict | {"references": list(used), "paragraph": text}
+    if model is not None:
+        particle = model.get("particle") or {}
+        about = {name: particle.get(name) for name in ("left_out_rmse_volt", "parts")}
+        verdict["in_use"] = {"model": in_use(model)} | about
     notes = (*ready.notes, *note, *finding.notes)
     return finding._replace(verdict=verdict, notes=notes).result()
 

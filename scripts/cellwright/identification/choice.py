@@ -226,6 +226,17 @@ def _log_of(square_volt2):
     return np.log(np.maximum(square_volt2, SMALLEST_VOLT2))
 
 
+def standard_errors(scores, others):
+    """By how much one model errs more than another in the mean logarithm of the blocks, in which
+    each temperature counts alike, over the standard error of that; 0 where too few tell one.
+
+    Parameters
+    ----------
+    scores, others : list of Score of either, one a temperature, of the same blocks.
+    """
+    return _blocks_of({0: scores, 1: others}).standard_errors(0, 1)
+
+
 class _Blocks(NamedTuple):
     """All blocks of the members, of every temperature.
 

@@ -6,12 +6,16 @@ import numpy as np
 
 from cellwright.circuits.model_file import in_use, member_of
 from cellwright.circuits.particle import NAME as PARTICLE
+from cellwright.circuits.particle import of_document
+from cellwright.identification import particle
 from cellwright.identification.choice import (
+    SURE,
     Score,
     choose,
     not_chosen,
     rmse_of,
     score_of,
+    standard_errors,
     typical_of,
     usual_of,
     worst_of,
@@ -20,7 +24,7 @@ from cellwright.identification.edges import with_share
 from cellwright.identification.identify import ready_records
 from cellwright.identification.intervals import simulated
 from cellwright.identification.messages import say
-from cellwright.identification.validation import beyond_volt, is_inner
+from cellwright.identification.validation import MATERIAL_VOLT, beyond_volt, is_inner
 from cellwright.numerics.statistics import rms
 from cellwright.records.basis import at_cycle
 from cellwright.records.blocks import blocks_of_used, columns_of, cut_of
@@ -33,11 +37,12 @@ class FittedRecord(NamedTuple):
     """A record that the members were fitted to, thinned as in their fit.
 
     record : Record (n,), whose used rows count. block : (used rows,) number of the block of each,
-    counted over the records of its temperature.
+    counted over the records of its temperature. whole : Record with all rows; None: not kept.
     """
 
     record: Record
     block: np.ndarray
+    whole: Record | None = None
 
 
 class Judged(NamedTuple):
@@ -95,8 +100,8 @@ def fitted_records(model, basis, cell, tests, *, split_rest_second):
             raise Refusal(f"not to be compared: {', '.join(entry['tests'])} cannot be read again")
         size = {"capacity_ampere_hour": basis["capacity_ampere_hour"]}
         ready = ready_records(fit_records.records, **size)
-        pairs = zip(ready, blocks_of_used(ready, **rest), strict=True)
-        conditions.append([FittedRecord(*pair) for pair in pairs])
+        of_each = zip(ready, blocks_of_used(ready, **rest), fit_records.records, strict=True)
+        conditions.append([FittedRecord(*one) for one in of_each])
     return conditions
 
 
@@ -198,8 +203,7 @@ def beside_particle(model, rows, conditions):
         return model, rows
     chosen = model["chosen"]
     celsius = [entry["ambient_temperature_celsius"] for entry in model["left_out"]]
-    pairs = model["particle"]["left_out"]
-    left_out = [Score(np.array(volt2), np.array(count)) for volt2, count in pairs]
+    left_out = _left_out_of(model["particle"])
     errors = [[errors_of(model, PARTICLE, one) for one in condition] for condition in conditions]
     both = {PARTICLE: Judged(left_out, *simulated_errors(conditions, errors))}
     in_use, reason = False, not_chosen("beside_effects", best=chosen)
@@ -218,6 +222,81 @@ def beside_particle(model, rows, conditions):
     ]
     about = {"in_use": in_use, "left_out_rmse_volt": _rmse_of_all(left_out), "choice": reason.text}
     return model | {"particle": model["particle"] | about}, [*rows, *of_particle]
+
+
+def particle_task(model, fitted, basis, cell, tests, *, split_rest_second):
+    """What the particle of a model was fitted to.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2 with a particle. fitted : list of lists of
+        FittedRecord, from `fitted_records`.
+    basis, cell, tests, split_rest_second : as of `fitted_records`.
+
+    Returns
+    -------
+    task : particle.Task. conditions : of the model, as `particle.task_of` takes them, without loads
+        at temperatures of which nothing else was fitted.
+    """
+    celsius = [entry["ambient_temperature_celsius"] for entry in model["ocv"]]
+    conditions = [
+        (at, [one.whole for one in each], [one.record for one in each], [one.block for one in each])
+        for at, each in zip(celsius, fitted, strict=True)
+    ]
+    names = model["particle"].get("beside", ())
+    lone = [test for test in tests if test.facts.test in names]
+    beside, _ = records_by_temperature(lone, basis, cell, split_rest_second=split_rest_second)
+    shares = model.get("uncounted_edge_share"), model["capacity_ampere_hour"]
+    every = [*conditions, *particle.of_lone_loads([with_share(one, *shares) for one in beside])]
+    every.sort(key=lambda condition: condition[0])
+    size = {"capacity_ampere_hour": model["capacity_ampere_hour"]}
+    return particle.task_of(every, model["ocv"], **size), conditions
+
+
+def with_parts(model, rows, task, conditions):
+    """A model that says what each part of its particle is worth, and the table of reasons with rows
+    of the particle without it.
+
+    A part is worth something where blocks left out are missed by more without it, by two standard
+    errors, and at some temperature by what somebody acts on: it takes the square of `MATERIAL_VOLT`
+    off the mean square error, as a name of the search has to. That is so on the tests fitted: what
+    they do not excite is worth nothing there.
+
+    Parameters
+    ----------
+    model : dict of schema cellwright-model/2 whose particle is in use. rows : of the table of
+        reasons. task, conditions : from `particle_task`.
+
+    Returns
+    -------
+    model : the same, its particle with `parts`: list of dict, part, left_out_rmse_volt, standard
+        errors (by which it is better with it), worth (whether it is). rows : with those of each.
+    """
+    whole, fitted = _left_out_of(model["particle"]), of_document(model["particle"])
+    parts, rows, celsius = [], list(rows), [at for at, *_ in conditions]
+    for part in particle.WITHOUT:
+        if part in particle.OVER_TEMPERATURE and len(fitted.celsius) < 2:
+            continue
+        scores = particle.left_out_without(task, fitted, part, conditions)
+        sure = standard_errors(scores, whole)
+        ends = zip(scores, whole, strict=True)
+        more = [rmse_of(without) ** 2 - rmse_of(with_it) ** 2 for without, with_it in ends]
+        worth = bool(sure > SURE and np.nanmax(more) > MATERIAL_VOLT**2)
+        about = {"standard_errors": sure, "worth": worth}
+        parts.append({"part": part, "left_out_rmse_volt": _rmse_of_all(scores)} | about)
+        code = "part_worth" if worth else "part_worthless"
+        words = say(f"not_chosen.{code}", part=say(f"part.{part}"), sure=sure)
+        unknown = Judged(scores, np.full(len(celsius), np.nan))
+        rows += [
+            row | {"chosen": False} | reason_columns(code, words)
+            for row in judged_rows(f"{PARTICLE} without {part}", unknown, celsius)
+        ]
+    return model | {"particle": model["particle"] | {"parts": parts}}, rows
+
+
+def _left_out_of(document):
+    """Scores of a particle of a model file, one a temperature."""
+    return [Score(np.array(volt2), np.array(count)) for volt2, count in document["left_out"]]
 
 
 def _rmse_of_all(scores):

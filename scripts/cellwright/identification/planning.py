@@ -19,12 +19,11 @@ import numpy as np
 from cellwright.circuits.cell import POINTS
 from cellwright.circuits.particle import SCALES, Particle, layout, of_document, run
 from cellwright.circuits.temperature import temperature_weights
-from cellwright.identification.edges import with_share
-from cellwright.identification.in_use import fitted_records
-from cellwright.identification.particle import PRIORS, information, of_lone_loads, task_of
+from cellwright.identification.in_use import fitted_records, particle_task
+from cellwright.identification.particle import PRIORS, information, task_of
 from cellwright.numerics.lines import ZERO_CELSIUS_KELVIN
 from cellwright.records.conditions import REFERENCE_CELSIUS, grouped_alike, same_temperature
-from cellwright.records.record import record_of, records_by_temperature
+from cellwright.records.record import record_of
 from cellwright.refusal import Refusal
 
 CAPACITY_C_RATES = (1 / 20, 1 / 10, 1 / 5, 1 / 2, 1.0)
@@ -135,18 +134,8 @@ def knowledge_from_model(model, basis, cell, tests, *, split_rest_second):
     if None in cutoffs_volt:
         raise Refusal(f"{cell.cell}: cells.tsv states the cut-offs {cutoffs_volt}; wanted both")
     fitted = fitted_records(model, basis, cell, tests, split_rest_second=split_rest_second)
-    conditions = []
-    for table, of_condition in zip(model["ocv"], fitted, strict=True):
-        records = [one.record for one in of_condition]
-        celsius, blocks = table["ambient_temperature_celsius"], [one.block for one in of_condition]
-        conditions.append((celsius, records, records, blocks))
-    names = model["particle"].get("beside", ())
-    lone = [test for test in tests if test.facts.test in names]
-    beside, _ = records_by_temperature(lone, basis, cell, split_rest_second=split_rest_second)
-    size = {"capacity_ampere_hour": model["capacity_ampere_hour"]}
-    shares = model.get("uncounted_edge_share"), size["capacity_ampere_hour"]
-    conditions += of_lone_loads([with_share(one, *shares) for one in beside])
-    task = task_of(sorted(conditions, key=lambda condition: condition[0]), model["ocv"], **size)
+    about = basis, cell, tests
+    task, _ = particle_task(model, fitted, *about, split_rest_second=split_rest_second)
     return knowledge_from_tests(task, of_document(model["particle"]), cutoffs_volt)
 
 

@@ -154,13 +154,22 @@ def capacity(
         row["missing"] = float(np.hypot(row["missing"], row["off"]))
         complete.append(row)
     if not complete:
-        why = "; ".join(left_out) or _none_begins(columns[0], columns[2], rated)
+        why = _of_all(named) or _none_begins(columns[0], columns[2], rated)
         raise Refusal(f"no complete discharge or charge: {why}")
     # One row for the repeats of a direction, rate and temperature.
     ordered = sorted(complete, key=lambda half: (-half["sign"], half["rate"]))
     rows = [_row(repeats, rated) for repeats in grouped_alike(ordered, _repeated)]
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Result({"rows": table}, notes=(*left_out, *modes))
+
+
+def _of_all(named):
+    """Why none of the named half cycles counts: what is so of several, once."""
+    alike = {}
+    for half, of in named:
+        alike.setdefault((half.sign, half.fault or half.words), []).append(of)
+    more = {key: f" and {len(of) - 1} more" if len(of) > 1 else "" for key, of in alike.items()}
+    return "; ".join(f"{of[0]}{more[key]}: {key[1]}" for key, of in alike.items() if key[1])
 
 
 def _none_begins(current, charge, rated):

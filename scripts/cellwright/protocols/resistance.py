@@ -148,7 +148,7 @@ def pulse_resistance(
         np.asarray(column, float) for column in (*map(series.get, inputs.NAMES), soc)
     )
     logged = np.asarray(series.get("logged_current_ampere", current), float)
-    chosen, rated = _chosen(steps), rated_capacity_ampere_hour
+    chosen, rated = pulse_steps(steps), rated_capacity_ampere_hour
     if not len(chosen):
         raise Refusal("the record has no pulse, nor a constant-current load that begins from rest")
     digits = least_digit(voltage), coarsest_digit_ampere(current, rated)
@@ -265,7 +265,7 @@ def _is_round(rate):
     return bool(np.any(np.abs(rate / np.array(ROUND_C_RATES) - 1) <= ROUND_SHARE))
 
 
-def _chosen(steps):
+def pulse_steps(steps):
     """Numbers of the steps that are pulses without a gap before them, else of loads from rest."""
     follows = follows_directly(steps)
     pulses = np.flatnonzero((steps.kind == "pulse") & follows)

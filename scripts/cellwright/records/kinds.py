@@ -14,6 +14,7 @@ OCV_C_RATE = 1 / 14  # C/15 and slower, with what a capacity may be off its rati
 ICA_C_RATE = 1 / 4  # above, the peaks of dQ/dV run into each other
 MANY_HALF_CYCLES = 10
 MANY_PULSES = 3
+FEW_HALF_CYCLES = 3  # of one direction, of which the largest is a whole one
 LEAST_SPAN = 0.3  # of the capacity, over which pulses are a characterisation over SoC
 
 
@@ -36,6 +37,17 @@ def half_cycles(steps: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray
     return moved, weighted
 
 
+def whole_charge(moved: np.ndarray) -> float:
+    """Charge [Ah] of a whole half cycle, from those of a record (half cycles,), signed.
+
+    The largest; of several in each direction that of the direction that moves less, for where a
+    half cycle was not logged, two of the other sign are joined.
+    """
+    sides = [np.abs(moved[side]) for side in (moved > 0, moved < 0)]
+    several = min(map(len, sides)) >= FEW_HALF_CYCLES
+    return float(min(map(max, sides)) if several else np.abs(moved).max(initial=0.0))
+
+
 def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) -> list[tuple]:
     """Kinds of test that a record could be, the likeliest first, each with its reason in words.
 
@@ -51,7 +63,7 @@ def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) 
     kind, duration = steps["kind"], steps["duration_second"]
     loaded = duration[kind != "rest"].sum()
     moved, current = half_cycles(steps)
-    capacity = np.abs(moved).max(initial=0.0)
+    capacity = whole_charge(moved)
     found = []
     dynamic = duration[kind == "dynamic"].sum()
     if loaded and dynamic >= DYNAMIC_SHARE * loaded:
@@ -60,8 +72,8 @@ def likely_kinds(steps: Mapping[str, np.ndarray], *, celsius_span: float = 0.0) 
     if pulses >= MANY_PULSES and _span(steps, "pulse") >= LEAST_SPAN * capacity > 0:
         found.append(("hppc", f"{pulses} pulses over {_span(steps, 'pulse'):.3g} Ah"))
     parts = _titration(steps, capacity)
-    if parts:
-        found.append(("ocv", f"{parts} parts of a charge or discharge, each with a long rest"))
+    if parts and not found:
+        found.append(("hppc", f"{parts} parts of a charge or discharge, each with a long rest"))
     full = np.abs(moved) >= FULL_SHARE * capacity
     if not found and capacity > 0:
         found += _of_cycles(moved[full], np.abs(current[full]) / capacity)

@@ -381,7 +381,7 @@ def assumed_rating(current_ampere, charge_ampere_hour):
     """
     rating = max(np.ptp(charge_ampere_hour), np.abs(current_ampere).max() / 3.0)
     if not rating > 0:
-        raise Refusal("no rating is stated and no current flows, so none can be assumed")
+        raise Refusal("no current flows in the record, and no rating is stated")
     return float(rating)
 
 

@@ -73,7 +73,7 @@ size_t battery_cells(const battery *b) {
 
 /* The state: that of the particle, the counted SoC, the stretch of its scale, the temperature. */
 static size_t states_of(const battery *b) {
-    return (size_t)(b->particle.shells + 2 + b->particle.lags + b->particle.stops);
+    return (size_t)(2 * b->particle.shells + 2 + b->particle.lags + b->particle.stops);
 }
 
 size_t battery_states(const battery *b) { return states_of(b) + AFTER; }
@@ -96,7 +96,7 @@ void battery_rest(const battery *b, const double *soc, double celsius, double am
     const double missing = over_temperature(b, b->missing, celsius);
     double *const after = state + states_of(b);
     memset(state, 0, battery_states(b) * sizeof(double));
-    for (int64_t i = 0; i <= b->particle.shells; i++)
+    for (int64_t i = 0; i < b->particle.shells; i++)
         state[i] = 1.0 - missing - (1.0 - *soc) * (1.0 + stretch);
     after[0] = *soc;
     after[1] = stretch;
@@ -114,14 +114,14 @@ static double half_heat(const battery *b, double ampere, double volt, const doub
 const char *battery_step(battery *b, double second, double ampere, double ambient_celsius,
                          double *state, reading *r) {
     double *const after = state + states_of(b), heat = 0.0;
+    const double flux = (1.0 + after[1]) / (3.0 * b->coulomb);
     if (!b->heat_capacity) after[2] = ambient_celsius;
-    double volt = particle_volt(&b->particle, ampere, after[2], state);
+    double volt = particle_volt(&b->particle, flux, ampere, after[2], state);
     if (second > 0.0) {
-        const double flux = (1.0 + after[1]) / (3.0 * b->coulomb);
         heat = half_heat(b, ampere, volt, state);
         particle_moved(&b->particle, flux, b->coulomb, second, ampere, after[2], state);
         after[0] += ampere * second / b->coulomb;
-        volt = particle_volt(&b->particle, ampere, after[2], state);
+        volt = particle_volt(&b->particle, flux, ampere, after[2], state);
     }
     if (second > 0.0 && b->heat_capacity) {
         heat += half_heat(b, ampere, volt, state);

@@ -1,19 +1,20 @@
 """Base of the search whose voltage a model gives, row by row, and its companion.
 
-`own` : the chosen member of the cell's model; what does the model in use still lack? A companion
+`own` : the cell's model in use, a member or the particle; what does it still lack? A companion
 circuit, fitted to the given voltage, tells how that would change with an effect:
 
     voltage = given + companion(parameters, effects) − companion(as fitted to the given voltage)
 
 so that without an effect, and with the parameters where they were, it is the given model. The
-companion has a resistance and two RC pairs, with the member's own courses over SoC and temperature.
+companion has a resistance and two RC pairs, with the courses of the chosen member over SoC and
+temperature.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from cellwright.circuits.model_file import circuit_at, member_of, std_name
+from cellwright.circuits.model_file import circuit_at, in_use, member_of, std_name
 from cellwright.effects import base, beginning
 from cellwright.effects.state import SIDES
 from cellwright.identification.intervals import simulated
@@ -41,7 +42,7 @@ class Given(NamedTuple):
 
 
 def own_case(prepared, model):
-    """Case of what the chosen member of a cell's model lacks.
+    """Case of what a cell's model in use lacks.
 
     Parameters
     ----------
@@ -49,11 +50,11 @@ def own_case(prepared, model):
 
     Returns
     -------
-    case : case.Case, its stacks with the member's voltage.
+    case : case.Case, its stacks with the model's voltage.
 
     Raises
     ------
-    Refusal : a member whose voltage is not finite over a record.
+    Refusal : a model whose voltage is not finite over a record.
     """
     member = member_of(model)
     sides = [_given_by(model, member, records) for records in prepared.records]
@@ -108,12 +109,13 @@ def given_case(case, fitted, judging, *, log_std=None):
 
 
 def _given_by(model, member, records):
-    """Voltage of a member over records one after the other, and its resistances [ohm]: Given."""
+    """Voltage of the model in use over records one after the other, and resistances of its chosen
+    member [ohm]: Given."""
     volts, ohmic, slow = [], [], []
     for record in records:
-        volt = simulated(model, member["model"], record).voltage_volt
+        volt = simulated(model, in_use(model), record).voltage_volt
         if not np.isfinite(volt).all():
-            raise Refusal(f"{record.test}: {member['model']} gives no finite voltage there")
+            raise Refusal(f"{record.test}: {in_use(model)} gives no finite voltage there")
         volts.append(volt)
         circuit = circuit_at(member["conditions"], record.soc, record.celsius).circuit
         ohmic.append(_summed(circuit, len(record.soc), at_once=True))

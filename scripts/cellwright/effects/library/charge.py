@@ -94,5 +94,6 @@ EFFECTS = worded(
         quantity="capacity_change",
         sizes_in_words=_change_of_capacity,
         of_branch=True,
+        in_particle="scale",
     ),
 )

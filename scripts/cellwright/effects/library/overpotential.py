@@ -182,6 +182,7 @@ EFFECTS = worded(
         slow_gap="hysteresis",
         quantity="half_gap",
         sizes_in_words=_half_distance,
+        in_particle="hysteresis",
     ),
     Effect(
         id="hysteresis_one_state",
@@ -203,6 +204,7 @@ EFFECTS = worded(
         slow_gap="hysteresis",
         quantity="half_gap",
         sizes_in_words=_half_distance_and_turn,
+        in_particle="hysteresis",
     ),
     Effect(
         id="slow_diffusion",
@@ -237,6 +239,7 @@ EFFECTS = worded(
         quantity="slow_resistance",
         sizes_in_words=_diffusion_sizes,
         of_branch=True,
+        in_particle="diffusion",
     ),
     Effect(
         id="charge_transfer_nonlinearity",
@@ -270,5 +273,6 @@ EFFECTS = worded(
         sizes_in_words=_resistance_at_rates,
         sizes_need_model=True,
         of_branch=True,
+        in_particle="kinetics",
     ),
 )

@@ -139,6 +139,7 @@ EFFECTS = worded(
         sizes_in_words=over_soc("R0", lambda fields: fields.r0),
         sizes_need_model=True,
         of_branch=True,
+        in_particle="ohmic_soc",
     ),
     Effect(
         id="polarisation_soc",
@@ -155,6 +156,7 @@ EFFECTS = worded(
         sizes_in_words=over_soc("what relaxes", lambda fields: sum(fields.slow_ohm), DIFFUSION_OHM),
         sizes_need_model=True,
         of_branch=True,
+        in_particle="relaxing_soc",
     ),
     Effect(
         id="lead_resistance",

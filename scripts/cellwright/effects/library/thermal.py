@@ -162,6 +162,7 @@ EFFECTS = worded(
         sizes_in_words=energy,
         sizes_need_model=True,
         of_branch=True,
+        in_particle="temperature",
     ),
     Effect(
         id="self_heating",
@@ -203,6 +204,7 @@ EFFECTS = worded(
         quantity="ocv_per_kelvin",
         sizes_in_words=_ocv_per_kelvin,
         of_branch=True,
+        in_particle="entropy",
     ),
     Effect(
         id="capacity_temperature",
@@ -216,6 +218,7 @@ EFFECTS = worded(
         quantity="capacity_per_kelvin",
         sizes_in_words=_change_of_capacity,
         of_branch=True,
+        in_particle="scale_temperature",
     ),
 )
 # A change of the energy that moves no time constant: of a cell never tested over temperature

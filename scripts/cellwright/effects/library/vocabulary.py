@@ -90,7 +90,9 @@ class Effect(NamedTuple):
     a look-up takes straight in 1/T: conditions of a model file may not lie far apart.
     warms_core : its size tells how much warmer the core is than was measured. in_healthy_cells :
     the resistances of any healthy cell follow it. of_branch : it is the cell's own and follows from
-    charge, temperature and current: the cell keeps it in a parallel group.
+    charge, temperature and current: the cell keeps it in a parallel group. in_particle : the part
+    of a particle that it is (`identification.particle.WITHOUT`); "": none, and table `no_part` of
+    the words says why.
 
     Of a parallel group. position : number of its branch, from 0; of a cell's effect None.
     replaces : names of the parameters of a healthy branch whose place it takes; it has no `act`.
@@ -121,6 +123,7 @@ class Effect(NamedTuple):
     warms_core: bool = False
     in_healthy_cells: bool = False
     of_branch: bool = False
+    in_particle: str = ""
     position: int | None = None
     replaces: tuple = ()
 
