@@ -2,12 +2,15 @@
 
 import csv
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cellwright.effects.story.words import KNOWN
 from virtual_lab import campaigns
+from virtual_lab.campaigns import making
 from virtual_lab.instruments.chain import CHAIN
 from virtual_lab.specimens import branch_rows
 
@@ -57,7 +60,8 @@ def test_checksums_are_those_of_the_files(sheet):
 
 
 def test_raw_files_are_small_and_all_listed(sheet):
-    files = [p for p in (ROOT / "data").rglob("*") if p.is_file() and p.name != "README.md"]
+    apart = {"README.md", "simulated.csv"}
+    files = [p for p in (ROOT / "data").rglob("*") if p.is_file() and p.name not in apart]
     assert {str(p.relative_to(ROOT)) for p in files} == {row["file"] for row in sheet}
     assert sum(p.stat().st_size for p in files) <= TEN_MEGABYTES
 
@@ -67,8 +71,18 @@ def test_truth_covers_every_test_and_cell(plan, sheet):
     known |= {(r["group"], r["test"]) for r in _true("packs")}
     assert known == {(row["cell"], row["test"]) for row in sheet}
     cycled = {test.cell for test in plan.tests if test.kind not in ("eis", "group")}
-    for table in ("health", "ocv"):
-        assert {row["cell"] for row in _true(table)} == cycled
+    assert {row["cell"] for row in _true("ocv")} == cycled
+    hidden = {row["cell"] for row in json.loads((TRUTH / "missing_effect.json").read_text())}
+    assert {row["cell"] for row in _true("health")} == cycled - hidden, "of these: what was hidden"
+
+
+def test_what_the_report_shows_of_each_cell_is_the_plan(plan):
+    text = (ROOT / making.SIMULATED).read_bytes()
+    assert text == making._csv(plan.simulated)
+    rows = _rows(ROOT / making.SIMULATED)
+    assert [row["cell"] for row in rows] == [cell.name for cell in plan.cells]
+    named = {one for row in rows for one in row["effects"].split(";") if one}
+    assert named <= set(KNOWN), "what a search could name"
 
 
 @pytest.mark.parametrize(

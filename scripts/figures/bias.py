@@ -1,6 +1,7 @@
 """Figure: four ways to the models of cells, and what more calibrating cells bring."""
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from cellwright.numerics.statistics import rms
 from figures import style
@@ -69,6 +70,7 @@ def _by_count(axes, rows, name):
     for way in ("scaled", "own"):
         level = np.median(list(errors_of(rows, way).values()))
         axes.axhline(level, ls="--", lw=1, color=colours[way], label=f"{WORDS[way]}, median")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="calibrating cells", ylabel="RMS error of the voltage [mV]", ylim=(0, None))
     axes.set_ylim(top=axes.get_ylim()[1] * 1.35)
     axes.set_title(f"{name}: calibrating cells drawn at random")

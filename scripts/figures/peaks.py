@@ -8,6 +8,7 @@ from figures import style
 from figures.style import rows_where
 
 MOST_PANELS = 3
+TOO_FEW = "Each rate and temperature has one slow charge: how peaks move takes two."
 GAP = 0.45  # between two curves, as a share of what counts as full height
 FULL_SHARE = 0.98  # quantile of all heights that counts as full
 
@@ -16,9 +17,11 @@ def draw_ica_tracks(tracks, curves):
     """dQ/dV over a life, one curve above the other, with the tracked peaks joined.
 
     `tracks` are columns of stage `ica_tracks`, `curves` is {(test, cycle): (voltage, dQ/dV)}. One
-    panel a rate and temperature, those with most charges first.
+    panel a rate and temperature, those with most charges first; a single charge is no life.
     """
-    parts = _sequences(tracks)[:MOST_PANELS]
+    parts = [part for part in _sequences(tracks) if len(_charges(part)) > 1][:MOST_PANELS]
+    if not parts:
+        return style.message(TOO_FEW)
     # A report shows a figure as wide as its page: one panel alone would be magnified.
     columns = max(len(parts), 2)
     figure, axes = style.subplots(1, columns, width=4.2 * columns, height=5.0)
@@ -41,9 +44,14 @@ def _sequences(tracks):
     return sorted(sequences, key=lambda part: -len(set(part["cycle"])))
 
 
+def _charges(part):
+    """Charges of a sequence as (cycle, test), in order."""
+    return sorted(set(zip(part["cycle"].tolist(), part["test"].tolist(), strict=True)))
+
+
 def _waterfall(panel, part, curves):
     """Curves of one sequence, freshest at the bottom, and its peaks."""
-    charges = sorted({(c, t) for c, t in zip(part["cycle"], part["test"], strict=True)})
+    charges = _charges(part)
     heights = [curves[t, c][1] for c, t in charges if (t, c) in curves]
     peaks = part["height_ampere_hour_per_volt"]
     # The highest peak of one charge may be noise; all curves share one scale.
@@ -64,7 +72,9 @@ def _waterfall(panel, part, curves):
     some = charges[:: max(len(charges) // 8, 1)]
     panel.set_yticks([base[charge] for charge in some], [f"{cycle:g}" for cycle, _ in some])
     rate = np.median(part["c_rate"])
-    panel.set(xlabel="voltage [V]", ylabel="cycle", title=f"dQ/dV at {rate:.2g}C")
+    celsius = part["ambient_temperature_celsius"]
+    at = style.temperature_label(float(celsius[0]) if np.isfinite(celsius[0]) else None)
+    panel.set(xlabel="voltage [V]", ylabel="cycle", title=f"dQ/dV at {rate:.2g}C, {at}")
     style.legend_once(panel, fontsize=7, loc="upper left")
 
 

@@ -49,6 +49,7 @@ from runtime.page_tables import (
 PACK_TABLES = ["packs", "series_packs", "nested_packs"]
 TABLES_OF_PAGE = [
     "capacity",
+    "checkups",
     "capacity_between_rests",
     "ica",
     "ica_discharge",
@@ -124,6 +125,8 @@ def render(job) -> str:
         if name in lookups:
             exports = rated[name], lookups[name], pybamm[name]
             page["use"] = part(f"the uses of {name}", use_page.table, name, *exports)
+        capacities = [*_rows(parts[name]["checkups"]), *_rows(parts[name]["capacity"])]
+        page["rate"] = overview_page.rate_of_health(page["sum"], capacities)
         page["simulated"] = simulated.get(name, ("", ""))[0]
         page["excluded"] = [row for row in excluded if row["cell"] == name]
         page["broken"] = [r for r in checks if r["outcome"] == "failed" and r["cell"] == name]
@@ -561,7 +564,7 @@ def _tables_of_story(verdicts, witnesses) -> dict:
         if in_use:
             end = [f"model in use: {in_use}", "", "", *(milli(verdicts[0][one]) for one in ends)]
             lines.append([*end, ""])
-            read += " Last the model in use on the same tests."
+            read += " Last the error of the model in use on the same tests."
         if any(one["part"] for one in verdicts):
             columns += ["part of the model in use [mV]"]
             read += " Of the part of it that an effect is: on blocks left out of its fit."

@@ -9,8 +9,8 @@ from runtime.page_tables import Cell, link, plain_table
 TITLE = "What was simulated, beside each verdict"
 READ = (
     "These cells are simulated, so the truth is known. No fit and no choice reads it: only this "
-    "report opens data/simulated.csv. A name in the fourth column is wrong. Effects in the fifth "
-    "are in the cell but were not named: too small to act on, missed, or not excited by its tests."
+    "report opens data/simulated.csv. Named, not simulated: a wrong name. Simulated, not named: "
+    "too small to act on, not excited by the tests of the cell, or missed."
 )
 COLUMNS = ["cell", "verdict", "named, and simulated", "named, not simulated"]
 COLUMNS += ["simulated, not named", "what was simulated"]

@@ -307,7 +307,7 @@ def test_a_member_that_simulates_badly_is_not_chosen_and_told_so():
     model, rows = finished_of(worse, series_of(given))
     assert model["chosen"] == "1RC"
     (reason,) = {row["reason"] for row in rows if row["model"] == NAME}
-    assert "on the training records, 1RC by" in reason
+    assert "on the training records; 1RC errs by" in reason
 
 
 def test_what_is_good_only_where_it_was_fitted_is_not_chosen():

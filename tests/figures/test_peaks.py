@@ -32,8 +32,8 @@ def curve(cycle, shift=0.0):
 def test_a_panel_a_rate_and_a_line_a_peak():
     figure = peaks.draw_ica_tracks(tracks(), {("t0.05", 0.0): (np.arange(3), np.ones(3))})
     assert [panel.get_title(loc="left") for panel in figure.axes] == [
-        "dQ/dV at 0.05C",
-        "dQ/dV at 0.5C",
+        "dQ/dV at 0.05C, temperature not stated",
+        "dQ/dV at 0.5C, temperature not stated",
     ]
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     assert lines["P1"].get_xdata().tolist() == [3.5] * 3
@@ -42,6 +42,10 @@ def test_a_panel_a_rate_and_a_line_a_peak():
         tracks(rates=(0.05,)), {("t0.05", 0.0): (np.arange(3), np.ones(3))}
     )
     assert [panel.axison for panel in alone.axes] == [True, False]
+
+
+def test_a_rate_with_one_charge_has_no_panel_for_nothing_moves():
+    assert peaks.draw_ica_tracks(tracks(cycles=(0.0,)), {}).not_drawn == peaks.TOO_FEW
 
 
 def test_curves_of_a_record_that_counts_on_take_the_cycles_of_the_tracks():

@@ -73,7 +73,7 @@ def test_without_a_slow_test_the_split_is_bounded_by_the_neighbours():
     assert loss["true_lower_percent"] == pytest.approx(5 - 1.96 * 0.42, abs=0.1)
     assert loss["true_upper_percent"] == pytest.approx(12 + 1.96 * 0.42, abs=0.1)
     assert losses_at["charge", -10.0, 0.2]["verdict"] == "true or both"
-    assert any("at -10 °C: true or false cannot be told" in note for note in notes)
+    assert any("at -10 °C: loss to rate and to temperature not separable" in note for note in notes)
     alone = capacity_losses([row(10.0, 25), row(9.0, -20, 0.5)])[0][-1]
     assert alone["verdict"] == "true or false"
 

@@ -124,7 +124,7 @@ def test_numbers_and_claims_of_the_tutorial_are_those_of_the_record():
     lost = float(rows["C4", "lithium lost", "cycle 300"])
     row = f"| C4 | 300 | {capacity:.4g} Ah | – | {lost:.4g} % |"
     assert row in demo_numbers.of_cells().splitlines()
-    after = float(rows["median of 6 cells", "error after the search", ""])
+    after = float(rows["median of 8 cells", "error after the search", ""])
     assert f" to {after:.4g} mV." in demo_numbers.of_search()
     resistance = float(rows["C1", "pulse resistance", "25 °C, 50 % SoC, after 1 s"])
     assert f"after 1 s | {resistance:.4g} mΩ |" in demo_numbers.of_first()

@@ -138,7 +138,7 @@ def test_the_worst_temperature_is_told_and_declines_a_member_of_no_use_there():
     assert declined.name == "2RC"
     assert (
         declined.reasons["1RC"].text
-        == "errs by 139 mV at 0 °C on the training records, 2RC by 80 mV"
+        == "errs by 139 mV at 0 °C on the training records; 2RC errs by 80 mV"
     )
     assert declined.words.endswith("It errs most at 0 °C: 80 mV on the training records")
 
@@ -207,7 +207,8 @@ def test_a_member_far_worse_in_use_is_not_chosen_however_well_it_predicts_blocks
         fitted_volt=fitted(**{"1RC": [2e-3, 9e-3], "2RC": [2e-3, 3e-3]}),
     )
     assert there.name == "2RC"
-    assert there.reasons["1RC"].text == "errs by 9 mV at 25 °C on the training records, 2RC by 3 mV"
+    said = "errs by 9 mV at 25 °C on the training records; 2RC errs by 3 mV"
+    assert there.reasons["1RC"].text == said
     assert "Excluded by their errors on the training records: 1RC" in there.words
     # Twice as much is far only where somebody would notice: here it is a fraction of a millivolt.
     near = choose(scores, fitted_volt=fitted(**{"1RC": [2e-3, 9e-4], "2RC": [2e-3, 3e-4]}))

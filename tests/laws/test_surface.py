@@ -215,7 +215,7 @@ def test_rows_and_words_of_a_surface():
     assert {(row["tested_from_celsius"], row["tested_to_celsius"]) for row in rows} == {(-20, 20)}
     assert len(point_rows(fits)) == len(SOC)
     (text,) = sentences(fits)
-    assert "into a sum of both (thesis eq. 3.11) is rejected" in text
-    assert "into a product of both is not rejected" in text
+    assert "plus one of temperature (thesis eq. 3.11) does not describe" in text
+    assert "times one of temperature describes the resistance" in text
     assert "The multiplicative form predicts temperatures left out best" in text
     assert len(reasons) == 3

@@ -192,7 +192,7 @@ def test_what_ends_a_resistances_quadratic_is_said_once_a_family(values, how):
     ]
     rows, reasons = law_rows(points)
     (said,) = reasons
-    assert "resistance, 10 s: the quadratic of 2 of 2 is not offered as a law" in said
+    assert "resistance, 10 s: 2 of 2 quadratic laws are not offered" in said
     assert how in said
     assert not any(row["chosen"] for row in rows if row["law"] == "quadratic")
     assert {row["valid_to_celsius"] for row in rows if row["law"] == "arrhenius"} == {np.inf}

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["capacity", "ica", "eis", "temperature", "choice", "validation", "soc", "packs"]
 TABLES += ["pack_findings", "pack_checks", "series_packs", "nested_packs"]
 TABLES += ["missing_effect", "fleet", "health", "fade", "excluded", "resistance_definitions"]
-TABLES += ["activation_energies", "capacity_between_rests", "ica_discharge"]
+TABLES += ["activation_energies", "capacity_between_rests", "ica_discharge", "checkups"]
 CELL = {"cell": "A", "chemistry": "NMC", "note": None}
 TEST = {
     "cell": "A",

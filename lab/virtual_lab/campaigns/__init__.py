@@ -91,7 +91,8 @@ class Plan(NamedTuple):
     `groups` holds the specimen of each parallel group by name. `config` is the text of
     config.yaml, `about` that of a README beside the truth, which goes to the folder `truth` of the
     campaign. `compared` completes the truth tables of all cells where cells are compared with each
-    other.
+    other. `simulated` has for each cell its name, what it was made of in words, and the ids of the
+    effects in it, which the report shows beside its verdict.
     """
 
     cells: tuple[Cell, ...]
@@ -101,6 +102,7 @@ class Plan(NamedTuple):
     about: str
     truth: str = "truth"
     compared: Callable[[dict[str, list[dict]]], dict[str, list[dict]]] | None = None
+    simulated: tuple[dict, ...] = ()
 
     def batches(self) -> dict[str, list[Test]]:
         """Tests by the job that makes them, in the plan's order."""

@@ -132,10 +132,11 @@ def _row(one, chemistry):
 
 def _tests(one, batch):
     wanted = [slow_task()] if one.kind == "reference" else []
-    return [_test(one, task, batch) for task in [*wanted, *tasks()]]
+    return [test_of(one, task, batch) for task in [*wanted, *tasks()]]
 
 
-def _test(one, task, batch):
+def test_of(one, task, batch) -> Test:
+    """One test of a cell with hidden effects: a chamber that wobbles, a start not quite full."""
     random = np.random.default_rng(seed_of(f"start of {one.name}/{task.test}", one.seed))
     return Test(
         one.name,

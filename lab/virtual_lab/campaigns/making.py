@@ -12,6 +12,7 @@ from virtual_lab.campaigns import Plan, Test, as_table, cells_sheet, tests_sheet
 from virtual_lab.instruments import faults, measurement
 
 PARTS = ".virtual_lab"
+SIMULATED = "data/simulated.csv"  # where the report looks for it
 
 
 def make_batch(plan: Plan, batch: str, folder: Path) -> None:
@@ -52,6 +53,8 @@ def make_sheets(plan: Plan, folder: Path) -> None:
         suffix, content = ("json", _json(rows)) if nested else ("csv", _csv(rows))
         _write(folder / plan.truth / f"{name}.{suffix}", content)
     _write(folder / plan.truth / "README.md", plan.about.encode())
+    if plan.simulated:
+        _write(folder / SIMULATED, _csv(plan.simulated))
 
 
 def made(test: Test) -> tuple[bytes, dict[str, list[dict]]]:

@@ -244,7 +244,7 @@ def of_case(name, case, library, *, split_rest_second=None, base_name="plain", o
         _series(case, socs, first, result.last, found.filters),
         model,
         tuple(
-            said_of(f"{name_of_effect(name, library)} cannot be told", f"needs {', '.join(wanted)}")
+            said_of(f"{name_of_effect(name, library)} untested", f"it needs {', '.join(wanted)}")
             for name, wanted in unexcited.items()
             if wanted
         ),

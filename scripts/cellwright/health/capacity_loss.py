@@ -295,7 +295,8 @@ def _of_direction(points, reference, repeat_ampere_hour):
     unknown = sorted({loss["temperature_celsius"] for loss in losses if not loss["known"]})
     wanted = f"no {reference.direction} at up to {SLOW_C_RATE:g}C"
     notes = [
-        said_of(f"{wanted} at {c:g} °C", "true or false cannot be told there") for c in unknown
+        said_of(f"{wanted} at {c:g} °C", "loss to rate and to temperature not separable")
+        for c in unknown
     ]
     if reference.c_rate > SLOW_C_RATE:
         at = f"{wanted} at {reference.temperature_celsius:g} °C: the reference is the one at"

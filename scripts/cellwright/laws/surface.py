@@ -118,17 +118,19 @@ def surface_name(pulses):
     return f"{what} over SoC and temperature, {when}"
 
 
-_SPLITS = {"R": "a sum of both (thesis eq. 3.11)", "ln R": "a product of both"}
+_SPLITS = {
+    "R": "A function of SoC plus one of temperature (thesis eq. 3.11)",
+    "ln R": "A function of SoC times one of temperature",
+}
 
 
 def _verdict(test):
     """Result of one test of separability in words."""
-    verdict = "is rejected" if test["p_value"] < 0.05 else "is not rejected"
+    verdict = "does not describe" if test["p_value"] < 0.05 else "describes"
     return (
-        f"That SoC and temperature separate into {_SPLITS[test['scale']]} {verdict} "
-        f"(p = {test['p_value']:.2g}); what each temperature has of its own is "
-        f"{100 * test['interaction_net']:.1f} % of the resistance, where pulses scatter by "
-        f"{100 * test['scatter']:.1f} %."
+        f"{_SPLITS[test['scale']]} {verdict} the resistance (p = {test['p_value']:.2g}): "
+        f"{100 * test['interaction_net']:.1f} % of it depends on both together, where pulses "
+        f"scatter by {100 * test['scatter']:.1f} %."
     )
 
 

@@ -157,9 +157,9 @@ def turn_sentences(families):
             for how, turns in grouped(ends, lambda end: end[0]).items()
         ]
         sentences.append(
-            f"{family}: the quadratic of {len(turned)} of {len(laws)} is not offered as a law, for "
-            f"a resistance falls as it warms: it {', '.join(where)}, less than {REACH_KELVIN:g} K "
-            f"beyond the tests or among them (certain at 95 % in "
+            f"{family}: {len(turned)} of {len(laws)} quadratic laws are not offered. A resistance "
+            f"falls as the cell warms, but the fitted curve {', '.join(where)}, within the tested "
+            f"temperatures or less than {REACH_KELVIN:g} K beyond (certain at 95 % for "
             f"{sum(law.rises_surely for law in turned)})"
         )
     return sentences
