@@ -70,11 +70,19 @@ def check(folder):
 
 
 def _of_no_sheet(folder, plan):
+    """A line on files beside those that the sheets name: a campaign may lie in a larger folder."""
     known = {Path(file).as_posix() for file in (*plan.files_of_tests(), *plan.files_of_cells())}
+    beside = {_top(file) for file in known if Path(folder, file).exists()}
     others = [file for file in campaign_check.files_below(folder) if file not in known]
+    others = [file for file in others if not beside or _top(file) in beside]
     if others:
         more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
         yield f"files that no sheet names: {', '.join(others[:SHOWN])}{more}"
+
+
+def _top(file):
+    """The outermost folder of a file; "" where it lies in none."""
+    return file.partition("/")[0] if "/" in file else ""
 
 
 def _of_test(folder, config, plan, row):

@@ -86,6 +86,15 @@ def test_a_file_that_was_moved_is_named_with_where_it_lies(tmp_path, capsys):
     assert missing == [wanted], "a run, and a dry one, is told the same"
 
 
+def test_files_beside_those_of_the_sheets_are_named_and_no_others(tmp_path, capsys):
+    folder = campaign(tmp_path)
+    for other in ("raw data/B #1.csv", "README.md"):
+        (folder / other).write_text("text\n")
+    said = shown_of(folder, capsys)
+    assert "files that no sheet names: raw data/B #1.csv\n" in said
+    assert "README.md" not in said
+
+
 def test_what_a_test_cannot_give_is_said_with_what_its_steps_look_like(tmp_path, capsys):
     said = shown_of(campaign(tmp_path, "A7\tslow\tocv\traw data/A #1.csv\t25\t1"), capsys)
     assert "no open-circuit voltage: " in said
