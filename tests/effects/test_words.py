@@ -163,7 +163,7 @@ def test_what_is_unknown_has_no_name():
             {"validation_rmse_volt": {"before": 2e-3, "after": 2e-3}},
             "the error on the validation tests does not fall",
         ),
-        ({"probability": 0.68}, "68 % of the names were right"),
+        ({"probability": 0.68}, "68 % were right in our tests"),
     ],
 )
 def test_each_doubt_makes_a_name_unsure(changes, reason):
@@ -176,7 +176,7 @@ def test_a_size_at_its_bound_and_a_witness_against_it_are_doubts():
     parameters = step()["parameters"]
     parameters["step_to_10_percent"] = parameters["step_to_10_percent"] | {"at_bound": True}
     assert doubts(step(parameters=parameters)) == {
-        "at_bound": "a parameter of it ended at a limit of the fit: step to 10 percent"
+        "at_bound": "one of its parameters ended at a limit of the fit: step to 10 percent"
     }
     heard = [{"name": "pulses", "says": "contradicts", "shown": False}]
     heard += [{"name": "impedance", "says": "agrees", "shown": True}]

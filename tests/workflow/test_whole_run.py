@@ -228,7 +228,7 @@ def test_a_cell_without_a_test_for_proof_is_told_why_it_has_no_verdict(copy):
 def test_a_group_with_one_test_is_told_why_it_has_no_verdict(first):
     path = first.folder / "results/missing_effect/pair/verdict.json"
     about = json.loads(path.read_text())["provenance"]
-    assert "another of role validation were wanted" in about["reason"]
+    assert "one of role validation, or three of role fit" in about["reason"]
     assert "What one of its branches has of its own" in read(first.folder)
 
 

@@ -221,8 +221,8 @@ def _sides(tests, notes):
     if not sides["fit"] or not sides["validation"]:
         have = ", ".join(f"{t.facts.test} ({t.facts.role})" for t in tests) or "none"
         raise Refusal(
-            f"tests of the group: {have}; one of role fit and another of role validation were "
-            "wanted (or three to fit): what a test was fitted to it cannot prove"
+            f"found tests of the group: {have}; a verdict needs one of role fit and one of role "
+            "validation, or three of role fit, for a test that is fitted proves nothing"
         )
     return sides
 
