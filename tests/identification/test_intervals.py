@@ -80,8 +80,8 @@ def test_what_a_block_is_missed_by_more_when_it_is_left_out_widens_the_interval(
     names = ("reading_volt", "at_once_share", "lasting_share", "soc_error", "rival_share")
     (narrow,), (wide,) = (with_intervals(*fitted(grown=g))["intervals"] for g in (1.0, 4.0))
     narrow, wide = ([entry[name] for name in names] for entry in (narrow, wide))
-    # A third of the variance that the holes add: (1 + 15 / 3)^½.
-    np.testing.assert_allclose(wide, np.sqrt(6.0) * np.array(narrow), rtol=1e-6)
+    # Left out it was missed by 4 times as much: its leverage is 3/4, and (1 + h)/(1 − h) 7.
+    np.testing.assert_allclose(wide, np.sqrt(7.0) * np.array(narrow), rtol=1e-6)
     # Blocks that happen to be met better without their fold narrow nothing.
     (lucky,) = with_intervals(*fitted(grown=0.5))["intervals"]
     np.testing.assert_allclose([lucky[name] for name in names], narrow, rtol=1e-6)

@@ -21,7 +21,7 @@ from cellwright.circuits.temperature import continued_ocv_at, temperature_weight
 from cellwright.identification.messages import say
 from cellwright.numerics.lags import lag
 from cellwright.numerics.statistics import NORMAL_90
-from cellwright.records.conditions import SAME_RATE
+from cellwright.records.conditions import SAME_RATE, at_rest
 from cellwright.records.counting import counted_std_share
 from cellwright.records.record import STATED
 from cellwright.records.thinning import averaged_to
@@ -30,7 +30,6 @@ from cellwright.refusal import Refusal
 HELD = 0.9  # of the rows
 # By what the half width grows, each a voltage: its factors are the names of the model file.
 TERMS = ("reading_volt", "at_once_share", "lasting_share", "soc_error", "rival_share")
-HOLE = 1 / 3  # of the variance that a block gains when it is left out
 MOST_ROWS = 4000  # that a half width is learnt from, and of a record that shows a posterior
 SMALLEST_VOLT = 1e-9  # of a misfit of which another is a multiple
 SIDE_SOC = 0.01  # to both sides, over which the slope of the OCV is taken
@@ -145,11 +144,13 @@ def _start_std(model):
 def _left_out_rows(model, name, rival, conditions):
     """Learnt of a model: its rows as simulated in use, each missed by as much more as a drive is.
 
-    A block that is left out leaves a hole about twice as wide in SoC as those that a drive meets.
-    Parameters walk at random over the SoC, as their priors say: the variance at the middle of a
-    hole of 2 L is L/2, and L/6 in the mean over one of L.
+    A block that takes part in a fit of leverage h is missed by σ√(1 − h), left out by σ/√(1 − h);
+    a drive, which takes no part beside it, by σ√(1 + h). A drive hardly rests, an HPPC hardly does
+    anything else: rows at rest and under load weigh alike.
+
+    Source: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 2.1.
     """
-    parts, blocks = [], 0
+    parts, blocks, capacity = [], 0, model["capacity_ampere_hour"]
     for number, condition in enumerate(conditions):
         rms_volt = _left_out_rms(model, name, number)
         if not len(rms_volt):
@@ -159,11 +160,13 @@ def _left_out_rows(model, name, rival, conditions):
         block = np.concatenate([one.block for one in condition])
         of_block = np.unique(block, return_inverse=True)[1]
         in_fit = np.sqrt(np.bincount(of_block, error**2) / np.bincount(of_block))
-        grown = (rms_volt / np.maximum(in_fit, SMALLEST_VOLT)) ** 2 - 1.0
-        missed = np.abs(error) * np.sqrt(1.0 + HOLE * np.maximum(grown, 0.0))[of_block]
+        grown = np.maximum(rms_volt / np.maximum(in_fit, SMALLEST_VOLT), 1.0)
+        missed = np.abs(error) * np.sqrt(2.0 * grown - 1.0)[of_block]
+        current = np.concatenate([one.record.current_ampere[one.record.used] for one in condition])
         kept = slice(None, None, -(-len(missed) * len(conditions) // MOST_ROWS))
-        rows = missed[kept], size[:, kept]
-        parts.append((*rows, np.full(len(rows[0]), 1.0 / len(rows[0]))))
+        resting = at_rest(current[kept], capacity).astype(int)
+        weight = 1.0 / np.bincount(resting, minlength=2)[resting]
+        parts.append((missed[kept], size[:, kept], weight / weight.sum()))
         blocks += len(rms_volt)
     if blocks <= len(TERMS):
         raise Refusal(f"{blocks} blocks were left out of the fit; wanted more than {len(TERMS)}")
