@@ -17,6 +17,7 @@ from cellwright.filters.bank import (
     hysteresis_of,
     resistance_factor_of,
 )
+from cellwright.filters.plant import Noise, levels_of_plant, plant_of
 from cellwright.refusal import Refusal
 
 
@@ -75,8 +76,39 @@ def test_a_condition_without_a_temperature_holds_at_25_degrees():
     levels = []
     for known in (warm, blank):
         model["members"][0]["conditions"] = [cold, known]
-        levels.append(_model_errors(model["members"][0], 20.0))
+        errors = _model_errors(model, model["members"][0], 20.0, np.ones(1), 1.0)
+        levels.append((errors["error_volt"][0], errors["load_error_volt"]))
     assert levels[0] == pytest.approx(levels[1])
+
+
+def test_errors_are_those_of_the_interval_and_grow_with_the_load():
+    model = stated() | {"intervals": [interval("2RC", [2e-3, 0.2, 0.3, 0.02])]}
+    bank = bank_of(model, None, 25.0)
+    inner = np.abs(bank.soc - 0.5) < 0.3
+    slope = np.gradient(bank.ocv_volt, bank.soc)[inner]
+    # Beside the interval, no SoC is better than the 0.3 % that a row's is stated with.
+    expected = np.hypot((2e-3 + 0.02 * slope) / 1.645, 0.003 * slope)
+    np.testing.assert_allclose(bank.error_volt[inner], expected, rtol=0.02)
+    time, current = np.arange(200.0), 3.0 * np.sin(np.arange(200.0))
+    slow = []
+    for times in (1.0, 2.0):
+        plant = plant_of(bank, time, times * current, 3.6 + 0.0 * time, UNLEARNT, hold="zero_order")
+        levels = levels_of_plant(bank, plant)
+        at_once = levels[0]
+        expected = (0.2 * at_once + 0.3 * (levels.sum() - at_once)) / 1.645
+        slow.append(np.sqrt(plant.slow_variance))
+        assert slow[-1] == pytest.approx(expected, rel=1e-3)
+    assert slow[1] == pytest.approx(2.0 * slow[0])
+    # Of another member nothing is stated: as without.
+    other = stated() | {"intervals": [interval("DRT", [2e-3, 0.2, 0.3, 0.02])]}
+    assert level(bank_of(other, None, 25.0)) == level(bank_of(stated(), None, 25.0))
+
+
+def interval(name, alone):
+    return {"model": name, "alone": alone, "start_soc_std": 0.0}
+
+
+UNLEARNT = Noise(steady_error=0.0)
 
 
 def level(bank):

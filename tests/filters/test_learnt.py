@@ -66,13 +66,13 @@ def test_a_voltage_that_is_read_late_is_told_by_its_edges():
 def test_between_temperatures_noise_is_between_and_without_any_nothing_is_told():
     member = {"conditions": []}
     assert learnt_at(member, 20.0) == {}
-    noise = dict.fromkeys(LEARNT, 1e-3) | {"level_volt": 0.1}
+    noise = dict.fromkeys(LEARNT, 1e-3)
     for celsius, factor in ((0.0, 4.0), (20.0, 1.0), (None, 1.0)):
         told = {name: factor * value for name, value in noise.items()}
         member["conditions"].append({"ambient_temperature_celsius": celsius, "noise": told})
     assert learnt_at(member, 10.0)["sensor_volt"] == pytest.approx(2e-3)
     assert learnt_at(member, -30.0)["sensor_volt"] == pytest.approx(4e-3)
-    assert learnt_at(member, 22.0)["level_volt"] == pytest.approx(0.1)
+    assert learnt_at(member, 22.0)["sensor_volt"] == pytest.approx(1e-3)
 
 
 def test_rows_of_a_split_record_that_score_teach_nothing():

@@ -27,12 +27,12 @@ BANK = BANK._replace(error_volt=np.full(len(BANK.soc), ERROR), load_error_volt=0
 # What the truth below is made with, stated to the filter.
 MATCHED = Noise(
     resistance_error=0.0,
-    error_factor=1.0,
     error_second=SECOND,
     error_soc=0.0,
     fast_second=0.0,
     skew_second=0.0,
     least_error_volt=0.0,
+    least_rest_volt=0.0,
     soc_walk=(1e-12, 1e-11),
 )
 

@@ -113,7 +113,7 @@ def test_too_few_blocks_state_no_interval():
     assert model["intervals"] == []
     (note,) = model["notes"]
     assert note.startswith("2RC states no interval of its voltage: 3 blocks were left out")
-    assert note.endswith("wanted more than 5")
+    assert note.endswith("wanted 9 or more")
     (row,) = validate(model, record(10)[0]).rows
     names = ("voltage_std_volt", "share_within_90", "share_within_90_fitted")
     assert np.isnan([row[name] for name in names]).all()

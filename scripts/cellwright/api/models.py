@@ -67,7 +67,7 @@ def finish_model(
             task, conditions = particle_task(content, fitted, *measured, **rest)
             content, choice = with_parts(content, choice, task, conditions)
         records = [[one.record for one in condition] for condition in fitted]
-        content = with_intervals(with_learnt_noise(content, records), fitted)
+        content = with_learnt_noise(with_intervals(content, fitted), records)
     errors = [row for result in left_out_temperatures for row in inputs.rows(result)]
     return _with_choice(with_laws(content, errors), choice)
 

@@ -8,9 +8,10 @@ from cellwright.circuits.cell import POINTS
 from cellwright.circuits.circuit import kind_of
 from cellwright.circuits.model_file import capacity_of, circuit_at, member_of
 from cellwright.circuits.temperature import continued_ocv_at
-from cellwright.numerics.statistics import rms
+from cellwright.numerics.statistics import NORMAL_90, rms
 from cellwright.records.basis import stated_or_reference
 from cellwright.records.conditions import at_rest
+from cellwright.records.counting import SOC_STD
 from cellwright.refusal import Refusal
 
 BEYOND = 0.25  # how far the tables go on below empty and above full
@@ -38,8 +39,9 @@ class Bank(NamedTuple):
 
     ocv_volt : open-circuit voltage, continued on its end slopes outside 0…1 [V].
     shift_volt : the member's correction of it, by the mean SoC [V].
-    error_volt : RMS error of the model at rest, on data that it was not fitted to [V].
-    load_error_volt : what the circuit adds to it under load, at this temperature [V].
+    error_volt : deviation of the model at rest, on data that it was not fitted to [V].
+    load_error_volt, load_shares : what the circuit adds to it under load [V], and as a share of
+        what acts at once and of what lasts of the overvoltage [1].
     outside : where neither resistance nor relaxation was measured.
     elements : tuple of Element, the ohmic resistance first. lags : tuple of (number of the element,
     its circuit.Lag, with constants (m,)).
@@ -50,6 +52,7 @@ class Bank(NamedTuple):
     shift_volt: np.ndarray
     error_volt: np.ndarray
     load_error_volt: float
+    load_shares: np.ndarray
     outside: np.ndarray
     elements: tuple
     lags: tuple
@@ -83,13 +86,12 @@ def bank_of(model, member, temperature_celsius, *, points=POINTS):
     ocv_volt = continued_ocv_at(model["ocv"], sampled.table_soc, celsius)
     stretch = np.gradient(sampled.table_soc, soc)
     branches = [b for k, b in enumerate(sampled.circuit) if k == 0 or _has_effect(b, soc, capacity)]
-    rest, load = _model_errors(entry, temperature_celsius)
+    slope = _slope_of(soc, ocv_volt + sampled.ocv_shift_volt, sampled.outside_soc)
     return Bank(
         soc=soc,
         ocv_volt=ocv_volt,
         shift_volt=sampled.ocv_shift_volt,
-        error_volt=rest * _error_shape(soc, ocv_volt + sampled.ocv_shift_volt, sampled.outside_soc),
-        load_error_volt=load,
+        **_model_errors(model, entry, temperature_celsius, *slope),
         outside=sampled.outside_soc,
         elements=tuple(_element(branch, soc, stretch, capacity) for branch in branches),
         lags=tuple(lag for k, branch in enumerate(branches) for lag in _lags(k, branch, soc)),
@@ -189,15 +191,21 @@ def _lags(number, branch, soc):
         yield number, lag._replace(constant=np.broadcast_to(lag.constant, soc.shape))
 
 
-# ASSUME: Of the model error that all temperatures share, half the variance belongs to the OCV. The
-# other half, and what single temperatures add, belongs to the circuit and acts under load only.
-def _model_errors(member, celsius):
-    """RMS errors on unseen data [V]: at rest, and what the circuit adds under load.
+# ASSUME: Of the error of a model that states no interval, half the variance that all temperatures
+# share belongs to the OCV. The other half, and what single temperatures add, belongs to the circuit
+# and acts under load only.
+def _model_errors(model, member, celsius, slope_volt, level_volt):
+    """Errors of a bank on unseen data: those of the model's interval, else as in the fit.
 
-    Over temperature straight in °C: as in the fit, and no less than usual on the blocks left out of
-    it (`left_out_usual_volt`). Where a temperature does not tell that, as much larger than in the
-    fit as that of all blocks is.
+    Without an interval they are over temperature straight in °C, and as much larger than in the fit
+    as the error of all blocks left out is. slope_volt, level_volt : of the OCV, see `_slope_of`.
     """
+    stated = [e for e in model.get("intervals", ()) if e["model"] == member["model"]]
+    if stated:
+        reading, at_once, lasting, of_soc = np.array(stated[0]["alone"]) / NORMAL_90
+        shares = {"load_error_volt": 0.0, "load_shares": np.array([at_once, lasting])}
+        start = max(stated[0]["start_soc_std"], SOC_STD) * slope_volt
+        return {"error_volt": np.hypot(reading + of_soc * slope_volt, start)} | shares
     conditions = member["conditions"]
     pairs = [(c["ambient_temperature_celsius"], c.get("fit_rmse_volt")) for c in conditions]
     if any(error is None for _, error in pairs):
@@ -206,24 +214,24 @@ def _model_errors(member, celsius):
     left_out = member.get("left_out_rmse_volt")
     samples = [c.get("samples", 1) for c in conditions]
     overall = np.sqrt(np.average(errors**2, weights=samples))
-    usual = [c.get("left_out_usual_volt") for c in conditions]
-    if None in usual:
-        errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
-    else:
-        errors = np.maximum(errors, usual)
+    errors = errors * (UNSEEN if left_out is None else left_out / max(overall, 1e-9))
     rest = errors.min() / np.sqrt(2.0)
     known = np.array([stated_or_reference(stated) for stated, _ in pairs])
     order = np.argsort(known)
     at_celsius = np.interp(celsius, known[order], errors[order])
-    return float(rest), float(np.sqrt(at_celsius**2 - rest**2))
+    return {
+        "error_volt": rest
+        * (slope_volt / level_volt if level_volt > 0.0 else np.ones(len(slope_volt))),
+        "load_error_volt": float(np.sqrt(at_celsius**2 - rest**2)),
+        "load_shares": np.zeros(2),
+    }
 
 
 # ASSUME: A model's error goes with the slope of the OCV, as that of a wrong SoC: it is told as one
 # number, most of which comes from near empty, where voltage and resistance bend.
-def _error_shape(soc, volt, outside):
-    """Relative error at every SoC (m,); its mean square over the measured range is one."""
+def _slope_of(soc, volt, outside):
+    """Slope of the OCV at every SoC (m,), and its RMS over the measured range [V]."""
     sides = soc + SIDE, soc - SIDE
     slope = np.abs(np.interp(sides[0], soc, volt) - np.interp(sides[1], soc, volt)) / (2 * SIDE)
     measured = (~outside) & (soc >= 0.0) & (soc <= 1.0)
-    level = rms(slope[measured]) if measured.any() else 0.0
-    return slope / level if level > 0.0 else np.ones(len(soc))
+    return slope, rms(slope[measured]) if measured.any() else 0.0

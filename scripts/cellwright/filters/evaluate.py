@@ -8,7 +8,7 @@ from cellwright.circuits.model_file import member_of
 from cellwright.filters.bank import hysteresis_of, loaded_mean
 from cellwright.filters.estimate import Estimate, Start, estimate_on, with_doubt_of_capacity
 from cellwright.filters.learnt import as_filtered, learnt_at
-from cellwright.filters.plant import Noise, piece_of, plant_of, with_tracked
+from cellwright.filters.plant import ERROR, Noise, look_at, piece_of, plant_of, with_tracked
 from cellwright.filters.reference import reference_of
 from cellwright.numerics.statistics import NORMAL_95, rms
 from cellwright.records import inputs
@@ -182,7 +182,7 @@ def estimate_soc(model, record, settings=None, **changes):
         method: usual._replace(**learnt_at(entry, celsius, capacity_known=method != "dual"))
         for method in dict.fromkeys((*settings.filters, "dual"))
     }
-    notes += _noise_in_words(usual._replace(**learnt_at(entry, celsius)))
+    notes += _noise_in_words(usual._replace(**learnt_at(entry, celsius)), usual)
     unsure = (model.get("capacity_std_ampere_hour") or 0.0) / size
     curve = {"soc": bank.soc, "ocv_volt": bank.ocv_volt + bank.shift_volt}
     # A cell rests anywhere between its branches, however exact the count.
@@ -257,9 +257,9 @@ def noise_of(settings, test_time_second):
     )
 
 
-def _noise_in_words(noise):
+def _noise_in_words(noise, usual):
     """Note on the noise that the records fitted have told; none where they did not."""
-    if noise.level_volt <= 0.0:
+    if noise == usual:
         return []
     return [
         f"noise of the filters, from the records fitted: {1e3 * noise.sensor_volt:.2g} mV in each "
@@ -341,7 +341,7 @@ def _runs(method, plans, record, bank, reference, plants, noise, scales, shares)
         estimated, score = scored[key]
         error = float(start.soc - disturbed.soc[0])
         row = {"filter": method, "scenario": scenario, "initial_soc_error": error} | score
-        reason = _reason(row, size, disturbed, noise)
+        reason = _reason(row, size, disturbed, plants[scenario])
         runs.append((row | {"reason": reason}, estimated))
     return runs
 
@@ -359,7 +359,7 @@ def _through_gaps(plant, record, start, method, noise):
     return Estimate(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
 
 
-def _reason(row, bank, record, noise):
+def _reason(row, bank, record, plant):
     """Why a filter did not converge, with numbers; empty where it did."""
     if not np.isnan(row["convergence_second"]):
         return ""
@@ -370,9 +370,8 @@ def _reason(row, bank, record, noise):
     total = bank.ocv_volt + bank.shift_volt
     ends = [np.interp(np.clip(visited + side, 0, 1), bank.soc, total) for side in (-0.05, 0.05)]
     slope = float(np.median(ends[1] - ends[0]))
-    stated = np.interp(visited, bank.soc, bank.error_volt)
-    stated = float(np.hypot(np.median(stated), bank.load_error_volt))
-    error = max(noise.error_factor * stated, noise.least_error_volt)
+    stated = look_at(plant, visited, ERROR)
+    error = float(np.hypot(np.median(stated), np.sqrt(plant.slow_variance)))
     if error * 0.1 > band * slope:
         sentence = f"the OCV slope of {1e3 * slope:.1f} mV per 10 % is below what a model error of"
         return f"{sentence} {1e3 * error:.1f} mV allows for {100 * band:g} %"

@@ -22,6 +22,7 @@ from cellwright.filters.plant import (
     Plant,
     edges_of,
     levels_of_plant,
+    load_error_volt,
     piece_of,
     plant_of,
 )
@@ -73,10 +74,9 @@ def with_learnt_noise(model, conditions):
 
     Returns
     -------
-    model : the same with `noise` in each condition of that member: the names of `LEARNT` and
-        level_volt, the sum of the levels of its overpotentials there [V], and capacity_misread,
-        by how much filters misread the known capacity there [1]; nothing where no record loads the
-        cell.
+    model : the same with `noise` in each condition of that member: the names of `LEARNT`, and
+        capacity_misread, by how much filters misread the known capacity there [1]; nothing where no
+        record loads the cell.
     """
     entry = member_of(model)
     name = entry["model"]
@@ -117,7 +117,7 @@ def learnt(model, name, records):
     low, high = np.log(np.transpose(list(LEARNT.values())))
     low[0] = max(low[0], np.log(max(digit, 1e-12)))
     values = _searched(stretches, low, high)
-    noise = dict(zip(LEARNT, np.exp(values).tolist(), strict=True)) | {"level_volt": max(levels)}
+    noise = dict(zip(LEARNT, np.exp(values).tolist(), strict=True))
     return noise | {"capacity_misread": _misread(model, name, records, Noise(**noise | DOUBTED))}
 
 
@@ -189,11 +189,11 @@ def learnt_at(member, celsius, *, capacity_known=True):
     known = np.array([stated_or_reference(c["ambient_temperature_celsius"]) for c in told])
     order = np.argsort(known)
     noise = {}
-    for name in (*LEARNT, "level_volt"):
+    for name in LEARNT:
         values = np.log([told[k]["noise"][name] for k in order])
         noise[name] = float(np.exp(np.interp(celsius, known[order], values)))
     if capacity_known:
-        return noise | {"steady_error": 0.0, "least_error_volt": LEAST_VOLT}
+        return noise | {"steady_error": 0.0, "least_rest_volt": LEAST_VOLT}
     # One reading is no deviation: those of all temperatures are.
     misread = rms([c["noise"]["capacity_misread"] * _unseen(c) for c in told])
     return noise | DOUBTED | {"capacity_misread": misread}
@@ -275,7 +275,7 @@ def _stretches(model, name, record, most):
         return edges[skew_second]
 
     at_once = float(levels @ [element.direct for element in bank.elements])
-    load = max(bank.load_error_volt, LEAST_VOLT)
+    load = max(load_error_volt(bank, levels), Noise().least_error_volt)
     found = [
         Misfit(
             piece_of(whole, rows),

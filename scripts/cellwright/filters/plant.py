@@ -84,10 +84,8 @@ class Noise(NamedTuple):
     resistance_error : relative error of what acts at once [1].
     fast_second : for how long an error of what acts at once lasts [s]; 0: it is white.
     steady_error : relative error of all overpotentials together [1]; None: `resistance_error`.
-    level_volt : level of all overpotentials at which the error under load is stated [V]; it grows
-        with a record's beyond that. 0: it is as stated at any.
-    error_factor : error of a model on another record, over what the bank says of it [1].
-    least_error_volt : no model is better than this on another record [V].
+    least_error_volt, least_rest_volt : no model is better than this on another record, under load
+        and at rest [V].
     error_second : time over which its error under load stays what it is [s]; 0: it is white.
     error_soc : charge over which its error at rest stays what it is [1]; 0: as that under load.
     soc_walk : variance of the SoC that the current sensor adds, at least and at most [1/s].
@@ -103,9 +101,8 @@ class Noise(NamedTuple):
     resistance_error: float = 0.1
     fast_second: float = 5.0
     steady_error: float | None = None
-    level_volt: float = 0.0
-    error_factor: float = 1.0
     least_error_volt: float = 0.005
+    least_rest_volt: float = 0.005
     error_second: float = 150.0
     error_soc: float = 0.3
     soc_walk: tuple = (7e-9, 7e-8)
@@ -290,14 +287,23 @@ def piece_of(plant, rows):
     return plant._replace(**columns, drives=np.ascontiguousarray(plant.drives[..., rows]))
 
 
+def load_error_volt(bank, levels):
+    """What the circuit of a bank adds to its error under the loads of a record [V].
+
+    Parameters
+    ----------
+    bank : Bank. levels : (E,) from `levels_of` [V].
+    """
+    at_once = float(levels @ [e.direct for e in bank.elements])
+    return bank.load_error_volt + float(bank.load_shares @ [at_once, levels.sum() - at_once])
+
+
 def _variances(bank, levels, noise):
     """White, fast (seconds) and slow (minutes) variance of the voltage [V²]."""
     at_once = float(levels @ [e.direct for e in bank.elements])
     fast = (noise.resistance_error * at_once) ** 2
     steady = noise.resistance_error if noise.steady_error is None else noise.steady_error
-    # ASSUME: The error under load grows with the overpotentials beyond those of the records fitted.
-    further = max(1.0, float(levels.sum()) / noise.level_volt) if noise.level_volt > 0.0 else 1.0
-    load = max(noise.error_factor * further * bank.load_error_volt, noise.least_error_volt)
+    load = max(load_error_volt(bank, levels), noise.least_error_volt)
     return {
         "white_variance": noise.sensor_volt**2 + (0.0 if noise.fast_second > 0.0 else fast),
         "fast_variance": fast,
@@ -332,7 +338,7 @@ def _tables(bank, noise, constants):
     ends = [np.interp(bank.soc + side, bank.soc, total) for side in (-half, half)]
     width = [np.interp(bank.soc + side, bank.soc, bank.soc) for side in (-half, half)]
     slope = (ends[1] - ends[0]) / (width[1] - width[0])
-    error = np.maximum(noise.error_factor * bank.error_volt, noise.least_error_volt)
+    error = np.maximum(bank.error_volt, noise.least_rest_volt)
     gains = [np.zeros(len(slope)) if e.gain is None else e.gain for e in bank.elements]
     columns = [bank.ocv_volt, total, slope, error, *gains, *constants]
     return np.ascontiguousarray(np.column_stack(columns), float)

@@ -28,6 +28,7 @@ from cellwright.records.thinning import averaged_to
 from cellwright.refusal import Refusal
 
 HELD = 0.9  # of the rows
+FEWEST_BLOCKS = 9  # n of whose n + 1 next ones HELD lie below the largest
 # By what the half width grows, each a voltage: its factors are the names of the model file.
 TERMS = ("reading_volt", "at_once_share", "lasting_share", "soc_error", "rival_share")
 MOST_ROWS = 4000  # that a half width is learnt from, and of a record that shows a posterior
@@ -108,14 +109,19 @@ def _limits(records):
 
 
 def _interval(model, name, conditions):
-    """Entry of a model in `intervals`. Raises Refusal: too few blocks were left out."""
+    """Entry of a model in `intervals`; `alone`, its shares where nothing but it is simulated.
+
+    Raises Refusal: too few blocks were left out.
+    """
     rival = rival_of(model, name)
     learnt = _left_out_rows(model, name, rival, conditions)
     factors = shares_holding(learnt.missed_volt, learnt.sizes_volt, learnt.weight)
+    alone = shares_holding(learnt.missed_volt, learnt.sizes_volt[:-1], learnt.weight)
     return {
         "model": name,
         "rival": rival,
         **dict(zip(TERMS, factors.tolist(), strict=True)),
+        "alone": alone.tolist(),
         "start_soc_std": _start_std(model),
         "blocks": learnt.blocks,
     }
@@ -168,8 +174,9 @@ def _left_out_rows(model, name, rival, conditions):
         weight = 1.0 / np.bincount(resting, minlength=2)[resting]
         parts.append((missed[kept], size[:, kept], weight / weight.sum()))
         blocks += len(rms_volt)
-    if blocks <= len(TERMS):
-        raise Refusal(f"{blocks} blocks were left out of the fit; wanted more than {len(TERMS)}")
+    # Of fewer none shows by how much one of ten is missed.
+    if blocks < FEWEST_BLOCKS:
+        raise Refusal(f"{blocks} blocks were left out of the fit; wanted {FEWEST_BLOCKS} or more")
     return Learnt(*(np.concatenate(of, axis=-1) for of in zip(*parts, strict=True)), blocks)
 
 

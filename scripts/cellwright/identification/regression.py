@@ -11,14 +11,15 @@ import numpy as np
 
 from cellwright.numerics.linear import solve
 from cellwright.numerics.statistics import correlation_factor
+from cellwright.records.counting import SOC_STD
 from cellwright.refusal import Refusal
 
 FIRST_FACTOR = 1.0 / 30.0  # weight of the data before the residuals have told it
 SCALES = 2  # numbers of the SoC's scale: what is missing at full, and the stretch
 
 # Standard deviations of a row's error, whose variances add: at rest [V], a share of the
-# overpotential, and of the counted SoC, which counts where the OCV is steep.
-FLOOR_VOLT, RELATIVE, SOC_STD = 0.003, 0.03, 0.003
+# overpotential, and of the counted SoC (`SOC_STD`), which counts where the OCV is steep.
+FLOOR_VOLT, RELATIVE = 0.003, 0.03
 
 # Standard deviations of the parameters before the data. Without priors a knot without data could
 # take any value, and a fit of a drive's blocks would say nothing of the SoC between them. The

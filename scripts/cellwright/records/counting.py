@@ -7,6 +7,7 @@ from cellwright.series.edges import edge_variance
 from cellwright.settings.tests import Instrument
 
 INSTRUMENT = Instrument()
+SOC_STD = 0.003  # of the SoC of a row, where models are fitted and where they are used
 
 
 def counted_std_share(
