@@ -142,7 +142,8 @@ def _error_at_temperatures(axes, rows):
     ):
         volts = [[r[name] for r in rows if r["left_out_celsius"] == t] for t in celsius]
         axes.plot(celsius, [1e3 * rms(v) for v in volts], "o-", color=colour, label=label)
-    axes.set(xlabel="temperature [°C]", ylabel="RMS error, SoC 5–95 % [mV]", yscale="log")
+    axes.set(xlabel="temperature [°C]", ylabel="RMS error, SoC 5–95 % [mV]")
+    axes.set_ylim(bottom=0.0)
     axes.set_title("Tests of the fit")
     style.legend_once(axes)
 

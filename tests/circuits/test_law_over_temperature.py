@@ -127,3 +127,21 @@ def test_an_energy_that_is_no_number_is_refused(found):
     model["members"][0]["conditions"][0]["activation_energy_joule_per_mole"] = found
     with pytest.raises(Refusal, match=r"conditions\[0\].activation_energy_joule_per_mole is "):
         refuse_unusable(model)
+
+
+def test_energies_that_hold_everywhere_are_followed_beyond_and_those_of_own_warming_as_far_as_it():
+    pair = [made(t) | {"activation_energy_joule_per_mole": 35e3} for t in (0.0, 25.0)]
+    found = ohms(pair, [45.0])[:, 0] / ohms(pair, [25.0])[:, 0]
+    np.testing.assert_allclose(found, resistance_factor(45.0, 25.0, 35e3), rtol=1e-9)
+    warmed = pair[1] | {"activation_energy_kelvin": 8.0}
+    near, far = (ohms([warmed], [celsius])[0, 0] / 0.02 for celsius in (33.0, 45.0))
+    assert near == pytest.approx(resistance_factor(33.0, 25.0, 35e3))
+    usual = resistance_factor(45.0, 33.0, ENERGIES["ohmic"].mean)
+    assert far == pytest.approx(near * usual)
+
+
+def test_how_far_an_energy_holds_is_refused_where_it_is_no_number():
+    model = truth.model()
+    model["members"][0]["conditions"][0]["activation_energy_kelvin"] = -3.0
+    with pytest.raises(Refusal, match=r"activation_energy_kelvin is -3\.0, wanted a number of 0"):
+        refuse_unusable(model)

@@ -224,7 +224,7 @@ def test_the_file_holds_what_its_schema_says(hppc):
     errors = [member["left_out_rmse_volt"] for member in hppc["members"]]
     assert 0 < errors[1] < errors[0]
     (entry,) = chosen(hppc)["conditions"]
-    assert entry["activation_energy_joule_per_mole"] == 0.0
+    assert entry["activation_energy_joule_per_mole"] is None  # no cell warmed
     assert [branch["kind"] for branch in entry["branches"]] == ["RC", "RC"]
 
 

@@ -16,7 +16,10 @@ from cellwright.refusal import Refusal
 
 SMALLEST, LARGEST = 1e-6, 1e6  # Ah, as config/cells.tsv allows for a rating
 LARGEST_OHM, LARGEST_VOLT = 1e6, 1e4
-ENERGY, LARGEST_ENERGY = "activation_energy_joule_per_mole", 1e6  # J/mol
+ENERGIES = {
+    "activation_energy_joule_per_mole": (-1e6, 1e6),
+    "activation_energy_kelvin": (0.0, 1e4),
+}
 # Names of parameters of branches that begin or end so: least and largest value.
 RANGES = {
     "r_": (0.0, LARGEST_OHM),
@@ -56,8 +59,9 @@ def refuse_unusable(model: Mapping, cell: str | None = None) -> None:
 def _refuse_unusable_condition(place, condition):
     _columns(place, condition, {"r0_ohm": RANGES["r_"]})
     needs(place, condition, "branches")
-    if condition.get(ENERGY) is not None:
-        refuse_beyond(f"{place}.{ENERGY}", condition[ENERGY], -LARGEST_ENERGY, LARGEST_ENERGY)
+    for name, (low, high) in ENERGIES.items():
+        if condition.get(name) is not None:
+            refuse_beyond(f"{place}.{name}", condition[name], low, high)
     for where, branch in each(f"{place}.branches", condition["branches"], least=0):
         kind = branch.get("kind", "RC")
         if kind not in KINDS:

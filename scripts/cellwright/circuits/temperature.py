@@ -269,10 +269,10 @@ def laws_over_temperature(conditions):
 
     Ions in the electrolyte, charge transfer and diffusion have activation energies of their own. A
     kind that hardly counts somewhere has no logarithm there: it joins the next larger one. Laws are
-    of the mean logarithm over the common SoC. A condition that is the only one keeps the energy
-    that it states, for all kinds: 0 of a table that is given. What its own warming told holds as
-    far as a cell warmed, `activation_energy_kelvin`: high currents lower the resistance of charge
-    transfer too, which then looks like warmth.
+    of the mean logarithm over the common SoC. Where energies are stated as holding everywhere, all
+    kinds follow them beyond: 0 of a table that is given, what a search found. What the warming of a
+    cell told holds as far as it warmed, `activation_energy_kelvin`: high currents lower the
+    resistance of charge transfer too, which then looks like warmth.
 
     Parameters
     ----------
@@ -282,12 +282,12 @@ def laws_over_temperature(conditions):
     -------
     laws : list of Law; every kind in ENERGIES has one.
     """
-    stated = conditions[0].get("activation_energy_joule_per_mole")
-    kelvin, near = conditions[0].get("activation_energy_kelvin"), {}
-    if len(conditions) == 1 and stated is not None:
-        if kelvin is None:
-            return [Law(tuple(ENERGIES), 0.0, float(stated), float(stated))]
-        near = {"near_joule_per_mole": float(stated), "near_kelvin": float(kelvin)}
+    stated = [c.get("activation_energy_joule_per_mole") for c in conditions]
+    kelvin, near = [c.get("activation_energy_kelvin") for c in conditions], {}
+    if None not in stated and not any(reach is not None for reach in kelvin):
+        return [Law(tuple(ENERGIES), 0.0, float(stated[0]), float(stated[-1]))]
+    if len(conditions) == 1 and stated[0] is not None:
+        near = {"near_joule_per_mole": float(stated[0]), "near_kelvin": float(kelvin[0])}
     ends = np.array([[c["soc"][0], c["soc"][-1]] for c in conditions], float)
     soc = np.linspace(ends[:, 0].max(), ends[:, 1].min(), LAW_POINTS)
     sums = {kind: np.zeros((len(conditions), LAW_POINTS)) for kind in ENERGIES}
