@@ -7,8 +7,11 @@ import numpy as np
 
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.library.groups import GROUP_LIBRARY
+from cellwright.effects.library.vocabulary import why_no_part
 from cellwright.effects.records import FACTORS
 from cellwright.health.electrodes import half_cells
+from cellwright.identification.messages import say
+from cellwright.identification.particle import WITHOUT
 
 NUMBERED = re.compile(r"_\d+_")  # of a name that a whole family of parameters shares
 
@@ -20,6 +23,22 @@ def of_cell() -> str:
         for effect in LIBRARY.values()
     ]
     return table(("id", "parameters: bounds (prior)", "needed", "test that shows it"), rows)
+
+
+def parts() -> str:
+    """Markdown table of the effects of a cell as parts of a particle, and why others are none."""
+    rows = [
+        (f"`{effect.id}`", _part(effect.in_particle) or f"none: {why_no_part(effect)}")
+        for effect in LIBRARY.values()
+    ]
+    return table(("effect", "part of the particle"), rows)
+
+
+def _part(name):
+    """A part of a particle and the parameters that it is; "" of none."""
+    names = dict.fromkeys(re.sub(r".+_joule", "…_joule", one) for one in WITHOUT.get(name, ()))
+    parameters = ", ".join(f"`{one}`" for one in names)
+    return name and f"`{name}`: {say(f'part.{name}')} ({parameters})"
 
 
 def of_branch() -> str:

@@ -52,6 +52,7 @@ MADE_PARTS = {
     "effects of a cell": library_tables.of_cell,
     "effects of a branch": library_tables.of_branch,
     "ties": library_tables.ties,
+    "parts": library_tables.parts,
     "half cells": library_tables.of_half_cells,
     "demo of C1": demo_numbers.of_first,
     "demo cells": demo_numbers.of_cells,

@@ -4,16 +4,20 @@ from functools import cache
 
 import numpy as np
 import pytest
+from one_particle import a_particle, in_use
 from quick import slow_but
 from small_plant import CAPACITY, CELL, HEALTHY, Truth, drive, laid, measured
 from small_plant import simulated as plant
 
+from cellwright.effects import base
 from cellwright.effects.finding import of_case
 from cellwright.effects.given.case import own_case
 from cellwright.effects.given.external import external_case
 from cellwright.effects.library import LIBRARY
 from cellwright.effects.member import effect_member
 from cellwright.effects.preparing import Prepared
+from cellwright.identification.intervals import simulated
+from cellwright.numerics.statistics import rms
 
 LACKING = {
     "resistance_temperature": Truth(activation=2.5e4),
@@ -140,3 +144,17 @@ def test_what_the_member_lacks_is_named(effect):
 @pytest.mark.slow
 def test_a_member_that_lacks_nothing_is_told_so():
     assert searched_own(HEALTHY)["verdict"] == "none"
+
+
+def test_of_a_particle_in_use_its_voltage_is_searched_and_not_that_of_the_member():
+    ready, circuit = prepared(HEALTHY), family()
+    model = in_use(circuit, a_particle())
+    case = own_case(ready, model)
+    as_it_is = base.voltage(case.cell, case.fit, case.start | base.stated_starts(case.fit))
+    (fitted, _) = ready.records
+    by_particle, by_circuit = (
+        np.concatenate([simulated(model, name, one).voltage_volt for one in fitted])
+        for name in ("P", "2RC")
+    )
+    assert as_it_is == pytest.approx(by_particle, abs=1e-9)
+    assert rms(as_it_is - by_circuit) > 0.01

@@ -100,7 +100,7 @@ WITHOUT = {
     "scale_temperature": dict.fromkeys(SCALES),
     "scale": dict.fromkeys(SCALES, 0.0),
     "hysteresis": {"hysteresis_volt": 0.0},
-    "ocv_shift": {"ocv_shift_volt": 0.0},
+    "shift": {"ocv_shift_volt": 0.0},
 }
 OVER_TEMPERATURE = ("temperature", "entropy", "scale_temperature")  # which one temperature lacks
 HELD = 1e-3  # deviations of its prior, by which a parameter may leave where it is held

@@ -41,7 +41,7 @@ EFFECTS = worded(
         quantity="ocv_change",
         sizes_in_words=ocv(THIRDS, at_thirds()),
         of_branch=True,
-        in_particle="ocv_shift",
+        in_particle="shift",
     ),
     Effect(
         id="ocv_edge",
@@ -51,6 +51,6 @@ EFFECTS = worded(
         needs=("soc_range",),
         sizes_in_words=ocv([0.0, 1.0], ("when empty", "when full")),
         of_branch=True,
-        in_particle="ocv_shift",
+        in_particle="shift",
     ),
 )

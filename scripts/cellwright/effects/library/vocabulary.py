@@ -162,6 +162,11 @@ def _words_of(effect):
     return {field: getattr(effect, field) or say(code) for field, code in codes.items()}
 
 
+def why_no_part(effect):
+    """Why an effect is no part of a particle, a clause."""
+    return say(f"no_part.{effect.id}")
+
+
 def since_slow_test(stack):
     """1 in all rows (n,) but those of the slow test that the OCV is from, 0 there.
 

@@ -1,7 +1,7 @@
 """Where the story of the gap ends: the model in use, and which of its parts hold what was named."""
 
 from cellwright.effects.library import LIBRARY
-from cellwright.effects.library.messages import say as say_of_library
+from cellwright.effects.library.vocabulary import why_no_part
 from cellwright.effects.story.messages import say
 from cellwright.effects.story.places import millivolt
 from cellwright.identification.messages import say as say_of_model
@@ -53,12 +53,15 @@ def sentences_in_use(verdict, own):
     for effect in LIBRARY.values():
         part = part_of(effect.id, own)
         if effect.id in named and not effect.in_particle:
-            said["no_part"].append(say_of_library(f"no_part.{effect.id}", name=effect.short))
+            why = why_no_part(effect)
+            said["no_part"].append(say("in_use.absent", name=effect.short, why=why))
         elif part and effect.id in named:
             said["held" if part["worth"] else "worthless"].append(_in_words(effect, part))
         elif part.get("worth") and claimed.isdisjoint(WITHOUT[part["part"]]):
             claimed |= set(WITHOUT[part["part"]])
-            said["unnamed"].append(_in_words(effect, part, verdict["against"].get(effect.id)))
+            said["unnamed"].append(
+                _in_words(effect, part, (verdict.get("against") or {}).get(effect.id))
+            )
     error = millivolt(known["left_out_rmse_volt"])
     return told + [
         say(f"in_use.{code}", parts=listed(parts), error=error)
