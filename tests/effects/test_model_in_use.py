@@ -65,7 +65,7 @@ def test_the_model_in_use_says_which_parts_hold_what_was_named_and_what_speaks_a
     assert "hysteresis (16.5 mV without hysteresis)" in worthless
     # R0 over SoC shares charge transfer with a part that is named.
     assert "charge-transfer kinetics (31.0 mV" in unnamed
-    assert "the search: too small to matter" in unnamed
+    assert "; for the search: too small to matter" in unnamed
     assert "resistance over state of charge" not in unnamed
     assert no_part.startswith("No part of the model in use: a time shift between voltage and")
 

@@ -59,9 +59,8 @@ def sentences_in_use(verdict, own):
             said["held" if part["worth"] else "worthless"].append(_in_words(effect, part))
         elif part.get("worth") and claimed.isdisjoint(WITHOUT[part["part"]]):
             claimed |= set(WITHOUT[part["part"]])
-            said["unnamed"].append(
-                _in_words(effect, part, (verdict.get("against") or {}).get(effect.id))
-            )
+            against = (verdict.get("against") or {}).get(effect.id)
+            said["unnamed"].append(_in_words(effect, part, against))
     error = millivolt(known["left_out_rmse_volt"])
     return told + [
         say(f"in_use.{code}", parts=listed(parts), error=error)
@@ -72,10 +71,10 @@ def sentences_in_use(verdict, own):
 
 def _in_words(effect, part, against=None):
     """An effect, what a part is worth that it is, and why the search does not name it."""
-    words = say(
-        "in_use.part",
+    return say(
+        "in_use.part_against" if against else "in_use.part",
         name=effect.short,
         part=say_of_model(f"part.{part['part']}"),
         without=millivolt(part["left_out_rmse_volt"]),
+        why=say(f"against.{against}") if against else "",
     )
-    return say("in_use.against", part=words, why=say(f"against.{against}")) if against else words
