@@ -545,20 +545,16 @@ def _tables_of_story(verdicts, witnesses) -> dict:
             if one["effect"]
         ]
         columns = ["effect", "how sure", "as good", "tests fitted [mV]", "tests not fitted [mV]"]
-        columns += ["part of the model in use [mV]"]
-        if not any(one["part"] for one in verdicts):
-            columns, lines = columns[:-1], [line[:-1] for line in lines]
-        if verdicts[0]["in_use"]:
-            ends = (
-                milli(verdicts[0][f"{name}_volt"]) for name in ("in_use_fit", "validation_member")
-            )
-            end = [f"model in use: {verdicts[0]['in_use']}", "", "", *ends]
-            lines.append([*end, *[""] * (len(columns) - len(end))])
-        read = (
-            "RMS error of the model without the effect → with it, beside all others; of the part "
-            "of the model in use that it is, on blocks left out of that fit. Last what the model "
-            "in use errs by on the same tests."
-        )
+        read = "RMS error of the model without the effect → with it, beside all others."
+        in_use, ends = verdicts[0]["in_use"], ("in_use_fit_volt", "validation_member_volt")
+        if in_use:
+            end = [f"model in use: {in_use}", "", "", *(milli(verdicts[0][one]) for one in ends)]
+            lines.append([*end, ""])
+            read += " Last the model in use on the same tests."
+        if any(one["part"] for one in verdicts):
+            columns += ["part of the model in use [mV]"]
+            read += " Of the part of it that an effect is: on blocks left out of its fit."
+        lines = [line[: len(columns)] for line in lines]
         about, made = ("named", "What was named", read), "results/tables/missing_effect.csv"
         found["named"] = plain_table(*about, columns, lines, made=made)
     if witnesses:
