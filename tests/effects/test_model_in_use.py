@@ -75,6 +75,15 @@ def test_a_part_of_two_effects_is_missed_once():
     assert unnamed.count("without hysteresis") == 1
 
 
+@pytest.mark.parametrize(
+    "about", [{"references": ["B"]}, {"not_testable": ["slow_diffusion"]}], ids=str
+)
+def test_what_the_search_did_not_ask_for_is_no_contradiction(about):
+    told = sentences_in_use(verdict("none") | about, own(diffusion=0.03))
+    assert len(told) == 1
+    assert "not named" in sentences_in_use(verdict("none"), own(diffusion=0.03))[1]
+
+
 def test_of_a_circuit_its_error_alone_and_of_no_search_nothing():
     of_circuit = own()
     of_circuit["in_use"] |= {"model": "DRT+K", "parts": None}

@@ -49,6 +49,8 @@ def sentences_in_use(verdict, own):
     named = {one["effect"] for one in named}
     entries = [effect for name, effect in LIBRARY.items() if name in named | tied]
     claimed = set().union(*(WITHOUT.get(effect.in_particle, ()) for effect in entries))
+    # Beside healthy cells a search asks for what differs from them; some effects no test shows it.
+    unasked = LIBRARY if verdict.get("references") else verdict.get("not_testable", ())
     said = {"held": [], "worthless": [], "unnamed": [], "no_part": []}
     for effect in LIBRARY.values():
         part = part_of(effect.id, own)
@@ -57,7 +59,9 @@ def sentences_in_use(verdict, own):
             said["no_part"].append(say("in_use.absent", name=effect.short, why=why))
         elif part and effect.id in named:
             said["held" if part["worth"] else "worthless"].append(_in_words(effect, part))
-        elif part.get("worth") and claimed.isdisjoint(WITHOUT[part["part"]]):
+        elif effect.id in unasked or not part.get("worth"):
+            continue
+        elif claimed.isdisjoint(WITHOUT[part["part"]]):
             claimed |= set(WITHOUT[part["part"]])
             against = (verdict.get("against") or {}).get(effect.id)
             said["unnamed"].append(_in_words(effect, part, against))
