@@ -15,6 +15,8 @@ from cellwright.packs.uncertainty.draws import (
     drawn_cells,
     is_known,
     ocv_error,
+    of_currents,
+    own_misfit,
     uncertainty_of,
     wire_factors,
 )
@@ -77,7 +79,9 @@ def test_packs_drawn_from_the_uncertainties_lie_within_nine_times_in_ten(wiring)
     drawn, true = (draw_cells(KNOWN, draws=60, seed=seed) for seed in (1, 2))
     starts = 0.9 + np.repeat(drawn.initial_soc[:, :1], 3, axis=1)
     more = {"starts": starts, "factors": wire_factors(60)}
-    ampere, volt = band_of(run, CELLS, wiring, drawn, **record, **more)
+    ampere, volt = band_of(
+        run, CELLS, wiring, lambda k: drawn_cells(CELLS, drawn, k, 0.9), **record, **more
+    )
     assert ampere.shape == run.cell_current_ampere.shape
     inside = []
     for k in range(60):
@@ -119,3 +123,44 @@ def test_what_is_known_of_an_ocv_is_stated_or_what_was_left_out():
     model = strings.model("A")
     model["members"][0]["conditions"][0]["ocv_shift_std_volt"] = [0.001] * 3
     assert uncertainty_of([model], [None]).voltage_volt == pytest.approx([0.001])
+
+
+def with_misfit(cell, volt):
+    """A model that states its misfit (60,) on discharge, at rest and on charge."""
+    model = strings.model(cell, r_std=0.1)
+    entry = {"model": model["chosen"], "misfit_volt": np.reshape(volt, (3, 20)).tolist()}
+    members = [m | {"left_out_rmse_volt": 0.004} for m in model["members"]]
+    members = [
+        m | {"conditions": [c | {"fit_rmse_volt": 0.002} for c in m["conditions"]]} for m in members
+    ]
+    return model | {"intervals": [entry], "members": members}
+
+
+def test_what_all_models_miss_alike_moves_no_current():
+    random = np.random.default_rng(3)
+    alike, own = 3e-3 * random.standard_normal(60), 3e-4 * random.standard_normal((4, 60))
+    models = [with_misfit(name, alike + one) for name, one in zip("ABCD", own, strict=True)]
+    volt, share = own_misfit(models)
+    # Twice as much, as blocks left out were missed twice as far as those of the fit.
+    np.testing.assert_allclose(volt, 2 * 3e-4, rtol=0.3)
+    np.testing.assert_allclose(share, 0.1, rtol=0.35)
+    known = uncertainty_of(models, [0.0002 * models[0]["capacity_ampere_hour"]] * 4)
+    moving = of_currents(known)
+    np.testing.assert_allclose(moving.ocv[0][1], volt[0])
+    np.testing.assert_allclose(moving.resistance_relative, known.resistance_relative * share)
+    np.testing.assert_allclose(moving.capacity_relative, 0.0002)
+    assert (known.capacity_relative == 0.003).all()
+    np.testing.assert_array_equal(moving.voltage_volt, known.voltage_volt)
+    # Models that miss nothing alike keep all of it.
+    apart = [with_misfit(name, 3e-3 * random.standard_normal(60)) for name in "ABCD"]
+    np.testing.assert_allclose(own_misfit(apart)[1], 1.0, atol=0.15)
+
+
+def test_what_cannot_be_compared_is_taken_as_each_cell_s_own():
+    models = [with_misfit(name, np.full(60, 1e-3)) for name in "AB"]
+    assert own_misfit(models[:1]) is None
+    assert own_misfit([models[0], strings.model("B")]) is None
+    few = np.where(np.arange(60) < 9, 1e-3, np.nan)
+    assert own_misfit([models[0], with_misfit("B", few)]) is None
+    plain = uncertainty_of([models[0], strings.model("B")], [None, None])
+    assert of_currents(plain) is plain

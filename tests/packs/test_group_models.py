@@ -4,11 +4,15 @@ import gzip
 
 import numpy as np
 import pytest
-from sheets_facts import measured_test
+from sheets_facts import branch_facts, measured_test
 
-from cellwright.packs.cells import pack_cells, rc_cells
+from cellwright.packs.cells import FILL, pack_cells, rc_cells
 from cellwright.packs.identify import group_models, identify_branches, rest_offset
 from cellwright.packs.simulate import simulate_pack
+from cellwright.packs.uncertainty.bands import WITHIN_90_PERCENT
+from cellwright.packs.uncertainty.copies import simulate_copies
+from cellwright.packs.uncertainty.draws import uncertainty_of
+from cellwright.packs.validate import validate_group
 from cellwright.packs.wiring import star_of
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
@@ -26,16 +30,16 @@ OFFSET = np.array([0.02, -0.01])
 SPANS = {"rest": 60, "charge": 2700, "rest after": 300, "discharge": 1200, "last rest": 60}
 
 
-def record(celsius=None):
+def record(celsius=None, *, cells=TRUE, load=-0.8):
     """The pair's record and steps; the sensors of the branches have offsets."""
     ends = np.cumsum(list(SPANS.values()))
     row = np.arange(ends[-1])
     charge = 0.5 * np.minimum(1.0, np.exp((2400.0 - row) / 150.0))
     total = np.select(
-        [row < ends[0], row < ends[1], row < ends[2], row < ends[3]], [0, charge, 0, -0.8], 0.0
+        [row < ends[0], row < ends[1], row < ends[2], row < ends[3]], [0, charge, 0, load], 0.0
     )
     time = 10.0 * row
-    run = simulate_pack(time, total, TRUE, star_of(TRUE.names), initial_soc=0.0)
+    run = simulate_pack(time, total, cells, star_of(cells.names), initial_soc=0.0)
     measured = run.cell_current_ampere + OFFSET
     series = {"test_time_second": time, "current_ampere": total, "voltage_volt": run.voltage_volt}
     series |= {f"branch_{k + 1}_current_ampere": measured[:, k] for k in range(2)}
@@ -189,3 +193,53 @@ def test_measured_pair(shared):
     current_error = (run.cell_current_ampere - branch[rows])[score]
     assert np.sqrt(np.mean(current_error**2)) < 0.018
     assert np.sqrt(np.mean((run.voltage_volt - volt[rows])[score] ** 2)) < 0.032
+    wirings = [star_of(cells.names)] * len(identified.alike)
+    start = np.zeros((len(wirings), 2))
+    same = [with_both_pairs(one) for one in identified.alike]
+    copies = simulate_copies(time[rows], total[rows], same, wirings, initial_soc=start)
+    away = [one.cell_current_ampere - run.cell_current_ampere for one in copies]
+    sensors = branch[rest].std(axis=0)
+    half = WITHIN_90_PERCENT * np.hypot(np.sqrt(np.mean(np.square(away), axis=0)), sensors)
+    assert 0.80 < np.mean(np.abs(current_error) <= half[score]) < 0.95
+
+
+def with_both_pairs(cells):
+    """The same cells with an RC pair and a kinetic one, one of them without resistance."""
+    shape = (1, len(cells.names), 1, len(GRID))
+    filled = {
+        name: np.full(shape, FILL.get(name, 0.0)) for name, t in cells.tables.items() if not t.size
+    }
+    return cells._replace(tables=cells.tables | filled)
+
+
+KINETIC_OHM, SCALE_VOLT = [[0.6], [0.25]], 0.0514
+
+
+def of_charge_transfer():
+    """The pair with charge transfer instead of its RC pairs: its resistance falls with the load."""
+    ohm = np.broadcast_to(np.array(KINETIC_OHM)[None, :, :, None], (1, 2, 1, len(GRID)))
+    tables = {name: table[:, :, :0] for name, table in TRUE.tables.items() if "tau" in name}
+    tables |= {"r_ohm": TRUE.tables["r_ohm"][:, :, :0], "kinetic_r_ohm": ohm}
+    tables |= {"kinetic_scale_volt": np.full(ohm.shape, SCALE_VOLT)}
+    tables |= {"kinetic_tau_second": np.full(ohm.shape, 300.0)}
+    return TRUE._replace(tables=TRUE.tables | tables)
+
+
+def test_a_load_that_the_charge_did_not_show_lies_within_the_intervals():
+    """Of cells whose resistance falls with the load a plain pair says too much at 2.5 times it."""
+    true = of_charge_transfer()
+    models = list(group_models(*record(cells=true), ["A", "B"]).values())
+    faster = record(cells=true, load=-2.0)[0]
+    faster = faster._replace(facts=faster.facts._replace(test="faster"))
+    rows = branch_facts("AB", [None, None], [0.0, 0.0])
+    sure = uncertainty_of(models, [None, None])
+    wiring = star_of(("A", "B"))
+    tables, _ = validate_group(models, rows, faster, wiring, uncertainty=sure)
+    (row, _), seen = tables["rows"], tables["series"]
+    assert row["model"] == "1RC"
+    load = (seen["current_ampere"] < -1.0) & (seen["soc"] > 0.05)
+    error = seen["branch_1_current_ampere"] - seen["simulated_branch_1_current_ampere"]
+    half = WITHIN_90_PERCENT * seen["branch_1_current_std_ampere"]
+    assert np.sqrt(np.mean(error[load] ** 2)) > 0.02
+    assert np.mean(np.abs(error[load]) <= half[load]) > 0.8
+    assert half[load].mean() < 0.25

@@ -21,7 +21,7 @@ from cellwright.circuits.temperature import continued_ocv_at, temperature_weight
 from cellwright.identification.messages import say
 from cellwright.numerics.lags import lag
 from cellwright.numerics.statistics import NORMAL_90
-from cellwright.records.conditions import SAME_RATE, at_rest
+from cellwright.records.conditions import SAME_RATE, at_rest, at_rest_in_record
 from cellwright.records.counting import counted_std_share
 from cellwright.records.record import STATED
 from cellwright.records.thinning import averaged_to
@@ -31,6 +31,7 @@ HELD = 0.9  # of the rows
 FEWEST_BLOCKS = 9  # n of whose n + 1 next ones HELD lie below the largest
 # By what the half width grows, each a voltage: its factors are the names of the model file.
 TERMS = ("reading_volt", "at_once_share", "lasting_share", "soc_error", "rival_share")
+MISFIT_BINS = 20  # of SoC
 MOST_ROWS = 4000  # that a half width is learnt from, and of a record that shows a posterior
 SMALLEST_VOLT = 1e-9  # of a misfit of which another is a multiple
 SIDE_SOC = 0.01  # to both sides, over which the slope of the OCV is taken
@@ -59,12 +60,15 @@ class Learnt(NamedTuple):
     """Rows that were left out: how far each was missed, by what that may grow, and its weight.
 
     missed_volt, weight : (n,). sizes_volt : (terms, n), see `sizes`. blocks : how many.
+    misfit_volt : (3, MISFIT_BINS) mean error in the fit on discharge, at rest and on charge in bins
+        of SoC, NaN where there is no row: two models that miss alike there miss alike elsewhere.
     """
 
     missed_volt: np.ndarray
     sizes_volt: np.ndarray
     weight: np.ndarray
     blocks: int
+    misfit_volt: np.ndarray
 
 
 def with_intervals(model, conditions):
@@ -124,6 +128,9 @@ def _interval(model, name, conditions):
         "alone": alone.tolist(),
         "start_soc_std": _start_std(model),
         "blocks": learnt.blocks,
+        "misfit_volt": [
+            [float(v) if np.isfinite(v) else None for v in way] for way in learnt.misfit_volt
+        ],
     }
 
 
@@ -157,12 +164,15 @@ def _left_out_rows(model, name, rival, conditions):
     Source: R. D. Cook, S. Weisberg, Residuals and Influence in Regression (1982), 2.1.
     """
     parts, blocks, capacity = [], 0, model["capacity_ampere_hour"]
+    binned = np.zeros((2, 3 * MISFIT_BINS))
     for number, condition in enumerate(conditions):
         rms_volt = _left_out_rms(model, name, number)
         if not len(rms_volt):
             continue
         pairs = [_errors_and_sizes(model, name, rival, one.record) for one in condition]
         error, size = (np.concatenate(of, axis=-1) for of in zip(*pairs, strict=True))
+        place = np.concatenate([_bin_of(one.record) for one in condition])
+        binned += [np.bincount(place, of, 3 * MISFIT_BINS) for of in (error, np.ones(len(error)))]
         block = np.concatenate([one.block for one in condition])
         of_block = np.unique(block, return_inverse=True)[1]
         in_fit = np.sqrt(np.bincount(of_block, error**2) / np.bincount(of_block))
@@ -177,7 +187,18 @@ def _left_out_rows(model, name, rival, conditions):
     # Of fewer none shows by how much one of ten is missed.
     if blocks < FEWEST_BLOCKS:
         raise Refusal(f"{blocks} blocks were left out of the fit; wanted {FEWEST_BLOCKS} or more")
-    return Learnt(*(np.concatenate(of, axis=-1) for of in zip(*parts, strict=True)), blocks)
+    total, rows = binned
+    misfit = np.divide(total, rows, out=np.full(len(rows), np.nan), where=rows > 0)
+    learnt = (np.concatenate(of, axis=-1) for of in zip(*parts, strict=True))
+    return Learnt(*learnt, blocks, misfit.reshape(3, MISFIT_BINS))
+
+
+def _bin_of(record):
+    """Place of each used row of a record in `misfit_volt` (used rows,)."""
+    current = np.where(at_rest_in_record(record.current_ampere), 0.0, record.current_ampere)
+    way = 1 + np.sign(current[record.used]).astype(int)
+    at = np.clip((record.soc[record.used] * MISFIT_BINS).astype(int), 0, MISFIT_BINS - 1)
+    return way * MISFIT_BINS + at
 
 
 def _errors_and_sizes(model, name, rival, record):

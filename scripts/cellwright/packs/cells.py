@@ -84,6 +84,42 @@ def pack_cells(models, *, temperature_celsius=None, member=None, points=POINTS):
         member_in_pack(model) if name is None else member_of(model, name)
         for model, name in zip(models, names, strict=True)
     ]
+    return _of_entries(models, entries, celsius, points)
+
+
+def alike_cells(models, *, temperature_celsius):
+    """Cells that the fit of a group allows as well as those of its models.
+
+    Parameters
+    ----------
+    models : sequence of model dicts of one group, each with as many `alike`, drawn together.
+    temperature_celsius : as of `pack_cells`.
+
+    Returns
+    -------
+    drawn : list of PackCells, one a draw, all with the same elements.
+    """
+    count, draws = len(models), len(models[0]["alike"])
+    entries = [
+        member_of(model) | {"conditions": [model["alike"][k]]}
+        for k in range(draws)
+        for model in models
+    ]
+    celsius = _temperatures(temperature_celsius)
+    whole = _of_entries(list(models) * draws, entries, celsius, POINTS)
+    parts = [slice(k * count, (k + 1) * count) for k in range(draws)]
+    return [
+        PackCells(
+            *(column[part] for column in whole[:4]),
+            whole.temperature_celsius,
+            {name: table[:, part] for name, table in whole.tables.items()},
+        )
+        for part in parts
+    ]
+
+
+def _of_entries(models, entries, celsius, points):
+    """PackCells of one entry of a member a model."""
     grid = np.linspace(0.0, 1.0, points)
     tables = [
         [_tables(model, entry, grid, value) for value in celsius]

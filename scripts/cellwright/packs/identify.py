@@ -2,7 +2,9 @@
 
 All cells of a group see one voltage: V = f(z_c) + d_c(z_c) + R0_c(z_c)·I_c + u_c for every cell
 c. With the charge of each branch counted, this is linear in the common OCV curve f (monotone), in
-each cell's small deviation d_c from it, and in all resistances.
+each cell's small deviation d_c from it, and in all resistances. u_c is that of an RC pair. Charge
+transfer (Butler–Volmer), whose resistance falls with the current, fits a charge about as well and
+says something else at other rates: so far the model is in doubt.
 """
 
 from itertools import pairwise
@@ -14,23 +16,34 @@ from cellwright.circuits.cell import POINTS
 from cellwright.identification.cell import SCHEMA
 from cellwright.numerics.lags import lag
 from cellwright.numerics.linear import hats, solve
-from cellwright.numerics.statistics import parameter_covariance, rms, standard_deviations
+from cellwright.numerics.lines import FARADAY, GAS_CONSTANT, ZERO_CELSIUS_KELVIN
+from cellwright.numerics.statistics import correlation_factor, rms
 from cellwright.packs.cells import PackCells, rc_cells
 from cellwright.packs.compare import passed_ampere_hour
-from cellwright.records.conditions import AT_REST_SHARE, stated_or_reference
+from cellwright.packs.uncertainty.draws import SEED
+from cellwright.records.conditions import (
+    AT_REST_SHARE,
+    REFERENCE_CELSIUS,
+    stated_or_reference,
+)
 from cellwright.records.record import branch_currents
 from cellwright.refusal import Refusal
 
 KNOTS = 21  # of SoC, of a resistance in the model file
+ALIKE = 100  # draws of cells that fit alike; they tell a standard deviation to some 5 %
+DIGITS = 8  # of a number in the model file
+# Of Newton's method: passes; what may still move, and how large a resistance may grow, over the
+# largest of the linear pair.
+ROUNDS, SETTLED, FARTHEST = 12, 1e-4, 20.0
 
 
 class GroupFit(NamedTuple):
     """Identified cells (every SoC is 0 at the first sample) and how well they fit.
 
     cells : PackCells. fit_rmse_volt : of all cells together [V].
-    r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the RC pair's
-    resistance and of each cell's deviation from the common OCV, for errors that are as correlated
-    as the residual is.
+    r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the pair's
+    resistance and of each cell's deviation from the common OCV.
+    alike : PackCells that the charge allows as well, drawn: of each structure as many.
     """
 
     cells: PackCells
@@ -38,6 +51,18 @@ class GroupFit(NamedTuple):
     r0_std_ohm: np.ndarray
     r_std_ohm: np.ndarray
     ocv_std_volt: np.ndarray
+    alike: tuple
+
+
+class _Fit(NamedTuple):
+    """One structure fitted: its error [V], time constant [s], scale of its kinetics [V] (None: an
+    RC pair), parameters (p,) and a root of their covariance (p, p)."""
+
+    rmse_volt: float
+    tau_second: float
+    scale_volt: float | None
+    parameters: np.ndarray
+    root: np.ndarray
 
 
 def rest_offset(branch_current_ampere, total_current_ampere, *, rest_ampere):
@@ -69,8 +94,9 @@ def identify_branches(
     *,
     tau_second=(30.0, 100.0, 300.0, 1000.0, 3000.0),
     noise_ampere=0.0,
+    celsius=REFERENCE_CELSIUS,
 ):
-    """One-RC models of all cells of a group from one full slow charge of the group: GroupFit.
+    """Models with one pair of all cells of a group from one full slow charge of it: GroupFit.
 
     The stretch starts from rest at the group's empty state and ends after its full state; between
     them the SoC of every cell runs from 0 to 1 by definition, and its charge is its capacity.
@@ -84,6 +110,7 @@ def identify_branches(
     noise_ampere : scalar or (cells,) white noise of the branch sensors [A]. The voltage does not
         follow it, so that least squares on noisy currents make resistances too small, the more the
         less a current moves; the noise is taken out of the normal equations (Fuller).
+    celsius : of the cells, which sets the scale of the kinetics, 2RT/F [degC].
 
     Raises
     ------
@@ -97,25 +124,63 @@ def identify_branches(
     # Of the common OCV, of each cell's deviation from it and of its resistances.
     even = (np.linspace(0.0, 1.0, count) for count in (9, 5))
     knots_at = (_even_knots(soc.mean(axis=1), voltage_volt, 60), *even)
-    steps = np.diff(test_time_second)
+    columns = np.diff(test_time_second), branch_current_ampere, soc, voltage_volt
     noise = _noise(soc, knots_at[-1], noise_ampere)
-    fits = []
-    for tau in tau_second:
-        matrix = _design(steps, branch_current_ampere, soc, knots_at, tau)
-        parameters, gram = _solve(matrix, voltage_volt, knots_at, soc.shape[1], noise)
-        error = matrix @ parameters - np.tile(voltage_volt, soc.shape[1])
-        fits.append((rms(error), tau, parameters, gram, error, matrix))
-    rmse, tau, parameters, *known = min(fits, key=lambda entry: entry[0])
-    cells = _cells(parameters, knots_at, capacity, tau)
-    return GroupFit(cells, rmse, *_deviations(*known, knots_at, len(capacity)))
+    thermal = 2.0 * GAS_CONSTANT * (celsius + ZERO_CELSIUS_KELVIN) / FARADAY
+    plain = (_fitted(columns, knots_at, tau, None, noise) for tau in tau_second)
+    fit = min(plain, key=lambda one: one.rmse_volt)
+    # ASSUME: A slow charge tells little of the kinetics: the plain pair is the model, and what the
+    # other structure says else is its doubt.
+    kinetic = _fitted(columns, knots_at, fit.tau_second, thermal, noise)
+    stds = np.linalg.norm(fit.root, axis=1)
+    deviation, _, (r0, pair) = _of_cells(stds, knots_at, len(capacity))
+    cells, alike = (
+        _cells(fit, fit.parameters, knots_at, capacity),
+        _alike((fit, kinetic), knots_at, capacity),
+    )
+    return GroupFit(cells, fit.rmse_volt, r0, pair, deviation, alike)
 
 
-def _deviations(gram, error, matrix, knots, cells):
-    """Standard deviations (cells, POINTS) of R0, the pair's resistance and the OCV's deviation."""
-    power = error @ error
-    cover = parameter_covariance(gram, power, len(error), sensitivity=matrix.T, residual=error)
-    deviation, _, resistance = _of_cells(standard_deviations(cover), knots, cells)
-    return *resistance, deviation
+def _fitted(columns, knots, tau, scale, noise):
+    """A structure fitted: _Fit. Kinetics are linearised about their last resistance (Newton).
+
+    The penalties of the fit are its priors, for errors as correlated as the residual is.
+    """
+    steps, current, soc, voltage = columns
+    cells, ohm = soc.shape[1], np.zeros(soc.shape)
+    target, tangent, most = np.tile(voltage, cells), np.ones(soc.shape), 0.0
+    for _ in range(ROUNDS if scale else 1):
+        if scale:
+            over = ohm * current / scale
+            tangent = 1.0 / np.hypot(1.0, over)
+            beyond = scale * np.arcsinh(over) - tangent * ohm * current
+            target = (voltage - lag(steps, tau, beyond, hold="first_order").T).ravel()
+        matrix = _design(steps, current, soc, knots, tau, tangent)
+        parameters, gram = _solve(matrix, target, knots, cells, noise)
+        courses = parameters[-2 * cells * len(knots[-1]) :].reshape(cells, 2, -1)[:, 1]
+        found = np.column_stack([hats(soc[:, c], knots[-1]) @ courses[c] for c in range(cells)])
+        most = most or FARTHEST * found.max()
+        found = np.minimum(found, most)
+        moved, ohm = np.abs(found - ohm).max(), found
+        if moved <= SETTLED * most:
+            break
+    error = matrix @ parameters - target
+    correlated = np.mean([correlation_factor(one) for one in error.reshape(cells, -1)])
+    root = np.linalg.inv(np.linalg.cholesky(gram)).T
+    return _Fit(rms(error), tau, scale, parameters, rms(error) * np.sqrt(correlated) * root)
+
+
+def _alike(fits, knots, capacity):
+    """Cells that the charge allows as well: tuple of PackCells, of each structure as many."""
+    random = np.random.default_rng(SEED)
+    drawn = []
+    for fit in fits:
+        size = len(fit.parameters)
+        normal = random.standard_normal((size, min(ALIKE // len(fits), size)))
+        # At right angles few draws tell a deviation better than independent ones.
+        for moved in (fit.root @ np.linalg.qr(normal)[0]).T * np.sqrt(size):
+            drawn.append(_cells(fit, fit.parameters + moved, knots, capacity))
+    return tuple(drawn)
 
 
 def _of_cells(parameters, knots, cells):
@@ -157,12 +222,16 @@ def _even_knots(soc, voltage, count):
     return np.unique(np.concatenate([[0.0], inside, [1.0]]))
 
 
-def _design(steps, current, soc, knots, tau):
-    """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell."""
+def _design(steps, current, soc, knots, tau, tangent):
+    """Columns: deviations of all cells, OCV start and increments, then (R0, R1) of each cell.
+
+    tangent : (n, cells) what is left of R1 for a change of the current of each row [1].
+    """
     (at_ocv, at_deviation, at_resistance), cells, rows = knots, soc.shape[1], []
     for c in range(cells):
         driven = hats(soc[:, c], at_resistance) * current[:, c : c + 1]
-        resistive = np.hstack([driven, lag(steps, tau, driven, hold="first_order")])
+        lagged = lag(steps, tau, driven * tangent[:, c : c + 1], hold="first_order")
+        resistive = np.hstack([driven, lagged])
         deviation = hats(soc[:, c], at_deviation)
         # As a start and increments, which are kept from falling: an OCV rises with SoC.
         ocv = np.cumsum(hats(soc[:, c], at_ocv)[:, ::-1], axis=1)[:, ::-1]
@@ -198,7 +267,7 @@ def _solve(matrix, voltage, knots, cells, noise):
         columns = slice(column, column + block.shape[1])
         gram[columns, columns] += len(matrix) * block.T @ block
         column = columns.stop
-    moment = matrix.T @ np.tile(voltage, cells)
+    moment = matrix.T @ voltage
     gram = _without_noise(gram, noise)
     return solve(gram, moment, cells * len(deviation)), gram
 
@@ -222,17 +291,26 @@ def _without_noise(gram, noise):
     return gram - min(1.0, 0.95 / np.linalg.eigvalsh(half)[-1]) * added
 
 
-def _cells(parameters, knots, capacity, tau):
+def _cells(fit, parameters, knots, capacity):
+    """PackCells of some parameters of a structure."""
     cells = len(capacity)
     deviation, increments, (r0, pair) = _of_cells(parameters, knots, cells)
     common = np.interp(np.linspace(0.0, 1.0, POINTS), knots[0], np.cumsum(increments))
-    return rc_cells(
+    linear = slice(0, 0 if fit.scale_volt else 1)
+    ohm, second = np.maximum(pair, 0.0)[:, None], np.full((cells, 1, POINTS), fit.tau_second)
+    found = rc_cells(
         ocv_volt=np.maximum.accumulate(common + deviation, axis=1),
         r0_ohm=np.maximum(r0, 1e-4),  # what acts at once has to be above zero in a parallel group
-        r_ohm=pair[:, None],
-        tau_second=np.full((cells, 1, POINTS), tau),
+        r_ohm=ohm[:, linear],
+        tau_second=second[:, linear],
         capacity_ampere_hour=capacity,
     )
+    if not fit.scale_volt:
+        return found
+    kinetic = {"kinetic_r_ohm": ohm, "kinetic_tau_second": second}
+    kinetic |= {"kinetic_scale_volt": np.full(ohm.shape, fit.scale_volt)}
+    tables = found.tables | {name: table[None] for name, table in kinetic.items()}
+    return found._replace(members=("0RC+K",) * cells, tables=tables)
 
 
 def group_models(test, steps, cells):
@@ -273,15 +351,20 @@ def group_models(test, steps, cells):
     # ASSUME: What a branch sensor scatters by in that rest is its noise, white, at any load.
     noise = np.std(current[tail], axis=0)
     charged = current[rows] - offset
-    fit = identify_branches(time, charged, series["voltage_volt"][rows], noise_ampere=noise)
     # ASSUME: All cells of a group have the chamber's temperature, 25 °C where none is stated.
-    fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
     celsius = stated_or_reference(facts.ambient_temperature_celsius)
+    volt = series["voltage_volt"][rows]
+    fit = identify_branches(time, charged, volt, noise_ampere=noise, celsius=celsius)
+    fitted = {"test": facts.test, "from_second": float(time[0]), "to_second": float(time[-1])}
     note = (
         f"identified inside its group from the charge at {time[0]:.0f} to {time[-1]:.0f} s of "
         f"{facts.test} (fit {1e3 * fit.fit_rmse_volt:.1f} mV); the rest of the record scores it"
     )
-    seen = [fitted | {"sensor_offset_ampere": float(ampere)} for ampere in offset]
+    names = ("sensor_offset_ampere", "sensor_noise_ampere")
+    seen = [
+        fitted | dict(zip(names, map(float, pair), strict=True))
+        for pair in zip(offset, noise, strict=True)
+    ]
     return {
         cell: _model(cell, fit, branch, celsius, seen[branch], note)
         for branch, cell in enumerate(cells)
@@ -318,42 +401,51 @@ def _model(cell, fit, branch, celsius, fitted, note):
     grid = np.linspace(0.0, 1.0, len(volt))
     ocv = {"ambient_temperature_celsius": celsius, "soc": grid.tolist()}
     ocv |= {"ocv_volt": volt.tolist(), "branches": "group"}
-    condition = {"ambient_temperature_celsius": celsius} | _courses(fit, branch, grid)
+    condition = {"ambient_temperature_celsius": celsius} | _courses(fit.cells, branch, volt)
     condition |= {"fit_rmse_volt": fit.fit_rmse_volt, "tests": [fitted["test"]]}
+    stds = fit.r0_std_ohm, fit.r_std_ohm, fit.ocv_std_volt
+    r0_std, r_std, ocv_std = (_at_knots(std[branch]) for std in stds)
+    condition |= {"r0_std_ohm": r0_std, "ocv_shift_std_volt": ocv_std, "at_bound": []}
+    (branch_of,) = condition["branches"]
+    branch_of |= {"r_std_ohm": r_std, "tau_std_second": [None] * KNOTS}
+    member, alike = cells.members[branch], [_courses(one, branch, volt) for one in fit.alike]
     return {
         "schema": SCHEMA,
         "cell": cell,
         "capacity_ampere_hour": float(cells.capacity_ampere_hour[branch]),
         "borrowed_from": None,
         "ocv": [ocv],
-        "members": [{"model": "1RC", "left_out_rmse_volt": None, "conditions": [condition]}],
-        "chosen": "1RC",
+        "members": [{"model": member, "left_out_rmse_volt": None, "conditions": [condition]}],
+        "chosen": member,
         "kind": "group",
         "fitted": fitted,
+        "alike": [{"ambient_temperature_celsius": celsius} | one for one in alike],
         "notes": [note],
     }
 
 
-def _courses(fit, branch, grid):
-    """Condition of a model file for one branch of the group: its courses over SoC."""
-    knots = np.linspace(0.0, 1.0, KNOTS)
-    r0, ohm, second = (fit.cells.tables[n][0, branch] for n in ("r0_ohm", "r_ohm", "tau_second"))
+def _courses(cells, branch, model_volt):
+    """Condition of a model file for one branch of some cells: its courses over SoC.
 
-    def at_knots(table):
-        return [None if np.isnan(v) else float(v) for v in np.interp(knots, grid, table)]
-
+    model_volt : (p,) OCV of the model [V], of which that of these cells is a shift.
+    """
+    tables = {name: table[0, branch] for name, table in cells.tables.items()}
+    linear = len(tables["r_ohm"]) > 0
+    names = {"r_ohm": "r_ohm", "tau_second": "tau_second"}
+    if not linear:
+        names = {name: f"kinetic_{name}" for name in (*names, "scale_volt")}
+    pair = {name: _at_knots(tables[table][0]) for name, table in names.items()}
     return {
-        "soc": knots.tolist(),
-        "r0_ohm": at_knots(r0[0]),
-        "r0_std_ohm": at_knots(fit.r0_std_ohm[branch]),
-        "branches": [
-            {"kind": "RC", "r_ohm": at_knots(r), "r_std_ohm": at_knots(fit.r_std_ohm[branch])}
-            | {"tau_second": at_knots(tau), "tau_std_second": [None] * KNOTS}
-            for r, tau in zip(ohm, second, strict=True)
-        ],
-        "ocv_shift_volt": [0.0] * KNOTS,
-        "ocv_shift_std_volt": at_knots(fit.ocv_std_volt[branch]),
+        "soc": np.linspace(0.0, 1.0, KNOTS).tolist(),
+        "r0_ohm": _at_knots(tables["r0_ohm"][0]),
+        "branches": [{"kind": "RC" if linear else "kinetic"} | pair],
+        "ocv_shift_volt": _at_knots(tables["ocv_volt"][0] - model_volt),
         "ocv_scale": {"missing": 0.0, "stretch": 0.0},
         "activation_energy_joule_per_mole": 0.0,
-        "at_bound": [],
     }
+
+
+def _at_knots(table):
+    """A course (p,) at the knots of the model file; None where it is not known."""
+    course = np.interp(np.linspace(0.0, 1.0, KNOTS), np.linspace(0.0, 1.0, len(table)), table)
+    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in course]

@@ -1,17 +1,24 @@
 """A parallel group simulated from its cells' models through its record, and scored."""
 
-from functools import partial
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from cellwright.circuits.model_file import member_of
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
-from cellwright.packs.cells import pack_cells, table_temperatures
+from cellwright.packs.cells import alike_cells, pack_cells, table_temperatures
 from cellwright.packs.compare import passed_ampere_hour, refuse_start_under_load, rested_soc
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.uncertainty.bands import DRAWS, WITHIN_90_PERCENT, band_of
-from cellwright.packs.uncertainty.draws import draw_cells, is_known, wire_factors
+from cellwright.packs.uncertainty.draws import (
+    draw_cells,
+    drawn_cells,
+    is_known,
+    of_currents,
+    wire_factors,
+)
 from cellwright.packs.wiring import by_member, cells_of, charge_of, described, member_currents
 from cellwright.records.conditions import at_rest_in_record, same_temperature, stated_or_reference
 from cellwright.records.record import group_record, stated_soc
@@ -71,7 +78,7 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     fits = [m["fitted"] for m in models if m.get("fitted", {}).get("test") == record.test]
     fits = fits if len(fits) == len(models) else []
     stated = stated_soc(test.facts, leaves or branches)
-    offset = _offset(fits, stated, record, notes)
+    offset, noise = _of_sensors(fits, stated, record, notes)
     counted = fits and stated == [None] * len(stated)
     if counted:
         start = _counted_back(fits[0], record, offset, cells, notes)
@@ -87,8 +94,10 @@ def validate_group(models, branches, test, wiring, *, leaves=None, uncertainty=N
     compared = _compared(record, run, offset, cells.capacity_ampere_hour, scored, wiring)
     stds = None
     if _tells_intervals(models, uncertainty, notes):
-        starts = partial(_drawn_starts, stated, counted, cells, record, start)
-        stds = _deviations(run, cells, wiring, record, uncertainty, starts, warms)
+        about = uncertainty, record, start, stated, counted
+        drawn = _alike(models, tables, *about) or _drawn(cells, run.soc[0], *about)
+        member_ampere, volt = _deviations(run, cells, wiring, record, drawn, warms)
+        stds = np.hypot(member_ampere, noise), volt
     # The model's discharge may end later than the record: it is run on to find where.
     discharge = findings.whole_discharge(compared)
     end = np.full((2, len(branches)), np.nan)
@@ -244,21 +253,51 @@ def _tells_intervals(models, uncertainty, notes):
     return uncertainty is not None and not unknown
 
 
-def _drawn_starts(stated, counted, cells, record, start, drawn):
-    """SoC at the start in each draw (draws, cells), by how it was found.
+class _Draws(NamedTuple):
+    """Cells as they may be as well: PackCells of a draw (function of its index), SoC at the start
+    (draws, cells), and what a voltage is off by beside them [V]."""
 
-    Stated ones are off alike in cells that rest joined; those by the first voltage by what the OCV
-    is off; one that was counted from the fit of its cells is part of that fit.
-    """
-    nothing = np.zeros(drawn.capacity_factor.shape)
-    if counted:
-        return nothing + start
+    copy_of: Callable
+    start_soc: np.ndarray
+    shared_volt: float
+
+
+def _alike(models, celsius, uncertainty, record, start, stated, counted):
+    """Draws of cells known from inside their group, as its fit allows; None for other cells."""
+    if not all("alike" in model for model in models):
+        return None
+    copies = alike_cells(models, temperature_celsius=celsius)
+    starts = np.zeros((len(copies), len(models))) + start
     if None not in stated:
-        return nothing + start + drawn.initial_soc[:, :1]
-    # A cell whose OCV is off by so much was looked up at a SoC that is off alike.
-    first, shift = record.voltage_volt[0], drawn.voltage_volt[:, 0]
-    moved = _soc_at(cells, record, first)
-    return np.array([start + _soc_at(cells, record, first - volt) - moved for volt in shift])
+        starts = starts + draw_cells(uncertainty, draws=len(copies)).initial_soc[:, :1]
+    elif not counted:
+        first = record.voltage_volt[0]
+        starts = np.array([_soc_at(one, record, first) for one in copies])
+    return _Draws(copies.__getitem__, starts, 0.0)
+
+
+def _drawn(cells, joined_soc, uncertainty, record, start, stated, counted):
+    """Draws of cells by how sure their own tests leave them.
+
+    SoC at the start: stated ones are off alike in cells that rest joined; those by the first
+    voltage by what the OCV is off.
+    """
+    drawn = draw_cells(of_currents(uncertainty), draws=DRAWS)
+    starts = np.zeros(drawn.capacity_factor.shape) + start
+    if None not in stated:
+        starts = starts + drawn.initial_soc[:, :1]
+    elif not counted:
+        # A cell whose OCV is off by so much was looked up at a SoC that is off alike.
+        first = record.voltage_volt[0]
+        moved = [_soc_at(cells, record, first - volt) for volt in drawn.voltage_volt[:, 0]]
+        starts = starts + np.array(moved) - _soc_at(cells, record, first)
+    # An error that all models share moves no current, and shows in the voltage in full.
+    own = drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape))
+    return _Draws(
+        lambda draw: drawn_cells(cells, own, draw, joined_soc),
+        starts,
+        rms(uncertainty.voltage_volt),
+    )
 
 
 def _was_logged(test, record):
@@ -268,23 +307,21 @@ def _was_logged(test, record):
     return on_surface or record.cell_temperature_celsius is not None
 
 
-def _deviations(run, cells, wiring, record, uncertainty, starts, thermal):
+def _deviations(run, cells, wiring, record, drawn, thermal):
     """Standard deviations of the branch currents (n, branches) and of the voltage (n,)."""
-    drawn = draw_cells(uncertainty, draws=DRAWS)
     member_ampere, volt = band_of(
         run,
         cells,
         wiring,
-        drawn._replace(voltage_volt=np.zeros(drawn.voltage_volt.shape)),
+        drawn.copy_of,
         time_second=record.test_time_second,
         total_ampere=record.current_ampere,
         ambient_celsius=record.celsius,
-        starts=starts(drawn),
-        factors=wire_factors(DRAWS),
+        starts=drawn.start_soc,
+        factors=wire_factors(len(drawn.start_soc)),
         thermal=thermal,
     )
-    # An error that all models share moves no current, and shows in the voltage in full.
-    return member_ampere, np.hypot(volt, rms(uncertainty.voltage_volt))
+    return member_ampere, np.hypot(volt, drawn.shared_volt)
 
 
 def _counted_back(fitted, record, offset, cells, notes):
@@ -296,20 +333,21 @@ def _counted_back(fitted, record, offset, cells, notes):
     return -passed.sum(axis=0) / cells.capacity_ampere_hour
 
 
-def _offset(fits, stated, record, notes):
-    """Offsets of the branch sensors (branches,) [A], 0 where nothing tells them."""
+def _of_sensors(fits, stated, record, notes):
+    """Offsets of the branch sensors and how far their readings scatter (branches,) [A], 0 where
+    nothing tells them."""
     if fits:
-        offset = np.array([fit["sensor_offset_ampere"] for fit in fits])
+        names = ("sensor_offset_ampere", "sensor_noise_ampere")
+        offset, noise = (np.array([fit[name] for fit in fits]) for name in names)
     elif stated == [None] * len(stated):
-        offset = _read_at_start(record)
+        offset, noise = _read_at_start(record)
     else:
-        return np.zeros(record.member_current_ampere.shape[1])
-    offset = np.nan_to_num(offset)
-    if not offset.any():
-        return offset
-    listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
-    notes.append(f"offsets of the branch sensors, read at rest and subtracted [mA]: {listed}")
-    return offset
+        return (np.zeros(record.member_current_ampere.shape[1]),) * 2
+    offset, noise = np.nan_to_num(offset), np.nan_to_num(noise)
+    if offset.any():
+        listed = ", ".join(f"{1e3 * value:+.1f}" for value in offset)
+        notes.append(f"offsets of the branch sensors, read at rest and subtracted [mA]: {listed}")
+    return offset, noise
 
 
 # ASSUME: In a rest of a group at equilibrium what a branch sensor reads is its offset.
@@ -318,7 +356,9 @@ def _read_at_start(record):
     rows = int(np.argmax(loaded))
     measured = record.member_current_ampere
     # Of fewer than 20 rows the mean is little better than one reading.
-    return measured[:rows].mean(axis=0) if rows >= 20 else np.zeros(measured.shape[1])
+    if rows < 20:
+        return (np.zeros(measured.shape[1]),) * 2
+    return measured[:rows].mean(axis=0), measured[:rows].std(axis=0)
 
 
 def _unseen(models, record, notes):

@@ -1,4 +1,4 @@
-"""How sure the currents and the voltage of a simulated pack are: cells drawn within what is known.
+"""How sure the currents and the voltage of a simulated pack are: cells as they may be as well.
 
 All draws are simulated in one run (`copies`).
 """
@@ -6,7 +6,6 @@ All draws are simulated in one run (`copies`).
 import numpy as np
 
 from cellwright.packs.uncertainty.copies import copies_at_once, simulate_copies
-from cellwright.packs.uncertainty.draws import drawn_cells
 from cellwright.packs.wiring import member_currents, with_contacts
 
 DRAWS = 50  # tell a standard deviation to a tenth: 1/√(2·50)
@@ -17,7 +16,7 @@ def band_of(
     run,
     cells,
     wiring,
-    drawn,
+    copy_of,
     *,
     time_second,
     total_ampere,
@@ -37,7 +36,7 @@ def band_of(
     Parameters
     ----------
     run : PackRun of the pack as its models say, through the same record. cells : PackCells.
-    wiring : Wiring. drawn : CellDraws of the cells.
+    wiring : Wiring. copy_of : function (draw) → PackCells of it, all with the same elements.
     time_second, total_ampere : (n,) [s], [A]. ambient_celsius : (n,) or scalar, of all cells.
     starts : (draws, cells) SoC at the start in each draw [1]. factors : (draws,) of the contacts.
     thermal : Thermal of the cells, or None: they have the ambient's temperature.
@@ -54,7 +53,7 @@ def band_of(
         runs = simulate_copies(
             time_second,
             total_ampere,
-            [drawn_cells(cells, drawn, k, run.soc[0]) for k in chosen],
+            [copy_of(k) for k in chosen],
             [with_contacts(wiring, factors[k]) for k in chosen],
             initial_soc=starts[chosen],
             ambient_celsius=ambient_celsius,

@@ -12,9 +12,23 @@ from cellwright.settings import PackDecisions
 SETTINGS = PackDecisions()
 SEED = 17  # of all draws
 INITIAL_SOC_STD = 0.005  # of a cell at the start beside what the sheet says: good balancing
+LEAST_CAPACITY = 0.003  # standard deviation: repeats of a capacity test on good cyclers [1]
+LEAST_BINS = 10  # of SoC and way of load, by which cells are compared
 WIRE_RELATIVE_STD = 0.1  # of a connection beside what groups.tsv says: bolted and welded contacts
 RESISTANCES = ("r0_ohm", "r_ohm", "kinetic_r_ohm", "charge_ohm", "discharge_ohm")
 POINTS = 101  # of SoC, on which an error of the OCV is drawn
+
+
+class OwnMisfit(NamedTuple):
+    """What is off in one cell and not alike in all, (cells,) each.
+
+    volt : what lasts of the misfit [V]. share : of the whole misfit [1]. capacity_relative : as
+    its repeats state it [1].
+    """
+
+    volt: np.ndarray
+    share: np.ndarray
+    capacity_relative: np.ndarray
 
 
 class Uncertainty(NamedTuple):
@@ -22,7 +36,7 @@ class Uncertainty(NamedTuple):
 
     capacity_relative, resistance_relative : [1]. voltage_volt : what the chosen member misses of
     records left out of its fit [V]. initial_soc : [1]. ocv : `ocv_error` of each cell, or None
-    where an error of the voltage is the same at every SoC.
+    where an error of the voltage is the same at every SoC. own : OwnMisfit; None: not known.
     """
 
     capacity_relative: np.ndarray
@@ -30,6 +44,7 @@ class Uncertainty(NamedTuple):
     voltage_volt: np.ndarray
     initial_soc: np.ndarray
     ocv: tuple | None = None
+    own: OwnMisfit | None = None
 
 
 def uncertainty_of(models, capacity_std_ampere_hour):
@@ -46,20 +61,73 @@ def uncertainty_of(models, capacity_std_ampere_hour):
     """
     capacity = np.array([model["capacity_ampere_hour"] for model in models])
     stds = [np.nan if std is None else std for std in capacity_std_ampere_hour]
-    # Not known: the least values below hold.
-    relative = np.nan_to_num(np.array(stds, float) / capacity)
+    relative = np.array(stds, float) / capacity
+    missed_alone = own_misfit(models)
     members = [member_of(model) for model in models]
     resistance = np.array([relative_resistance_std(member) for member in members])
     ocv = tuple(map(ocv_error, members))
     left_out = [member.get("left_out_rmse_volt") for member in members]
     missed = [rms(o[1]) if volt is None else volt for volt, o in zip(left_out, ocv, strict=True)]
     return Uncertainty(
-        np.maximum(relative, 0.003),  # repeats of a capacity test on good cyclers
+        # Where nothing is known the least values hold.
+        np.maximum(np.nan_to_num(relative), LEAST_CAPACITY),
         np.maximum(np.nan_to_num(resistance), 0.02),  # what contacts and temperature change
         np.array(missed),
         np.full(len(models), INITIAL_SOC_STD),
         ocv,
+        missed_alone and OwnMisfit(*missed_alone, np.where(relative > 0, relative, LEAST_CAPACITY)),
     )
+
+
+def own_misfit(models):
+    """What each chosen member misses that is not the same in all cells; None: not known.
+
+    Cells of one type that were tested alike are missed alike, at one SoC under one way of load.
+    What all have in common moves no current between them; what is each one's own and lasts does.
+
+    Parameters
+    ----------
+    models : model dicts, whose `intervals` state what was missed (`misfit_volt`).
+
+    Returns
+    -------
+    volt, share : (cells,) own misfit, by as much more as blocks left out were missed than those of
+        the fit [V]; and its share of the whole misfit [1].
+    """
+    missed = [
+        entry.get("misfit_volt")
+        for model in models
+        for entry in model.get("intervals", ())
+        if entry["model"] == model["chosen"]
+    ]
+    if len(models) < 2 or len(missed) < len(models) or None in missed:
+        return None
+    volt = np.array(missed, float).reshape(len(models), -1)
+    volt = volt[:, np.isfinite(volt).all(axis=0)]
+    if volt.shape[1] < LEAST_BINS or not volt.any(axis=1).all():
+        return None
+    # The mean of few cells has taken part of what is each one's own.
+    own = (volt - volt.mean(axis=0)) * np.sqrt(len(models) / (len(models) - 1))
+    own, whole = (np.sqrt(np.mean(part**2, axis=1)) for part in (own, volt))
+    members = [member_of(model) for model in models]
+    in_fit = [rms([c["fit_rmse_volt"] for c in one["conditions"]]) for one in members]
+    left_out = [one["left_out_rmse_volt"] for one in members]
+    grown = np.array([out / fit for out, fit in zip(left_out, in_fit, strict=True)])
+    return own * np.maximum(grown, 1.0), np.minimum(own / whole, 1.0)
+
+
+def of_currents(uncertainty):
+    """What of an Uncertainty moves currents between cells: their OCVs and resistances are off by
+    what the models miss of each cell alone, where that is known."""
+    if uncertainty.own is None or uncertainty.ocv is None:
+        return uncertainty
+    volt, share, capacity = uncertainty.own
+    ocv = tuple(
+        (soc, np.full(len(soc), own)) for (soc, _), own in zip(uncertainty.ocv, volt, strict=True)
+    )
+    resistance = uncertainty.resistance_relative * share
+    known = {"capacity_relative": capacity, "resistance_relative": resistance, "ocv": ocv}
+    return uncertainty._replace(**known)
 
 
 def relative_resistance_std(member):
