@@ -79,10 +79,10 @@ def test_without_branch_currents_that_is_said(asked):
 
 BOTH = (a_test("a", "fit"), a_test("b", "validation"))
 REFUSED = {
-    r"one \(fit\); one of role fit and another": ((a_test("one", "fit"),), KNOWN),
+    r"one \(fit\); a verdict needs one of role fit and one": ((a_test("one", "fit"),), KNOWN),
     "no model of c2 by itself": (BOTH, [KNOWN[0], KnownCell(None, "c2")]),
     "found Branch 3 Current / A": ((a_test("a", "fit", branches=3), BOTH[1]), KNOWN),
-    "none; one of role fit": ((), KNOWN),
+    "none; a verdict needs one of role fit": ((), KNOWN),
 }
 
 

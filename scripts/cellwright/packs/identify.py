@@ -41,8 +41,8 @@ class GroupFit(NamedTuple):
     """Identified cells (every SoC is 0 at the first sample) and how well they fit.
 
     cells : PackCells. fit_rmse_volt : of all cells together [V].
-    r0_std_ohm, r_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of the pair's
-    resistance and of each cell's deviation from the common OCV.
+    r0_std_ohm, r_std_ohm, steady_std_ohm, ocv_std_volt : (cells, p) standard deviations of R0, of
+    the pair's resistance, of their sum and of each cell's deviation from the common OCV.
     alike : PackCells that the charge allows as well, drawn: of each structure as many.
     """
 
@@ -50,6 +50,7 @@ class GroupFit(NamedTuple):
     fit_rmse_volt: float
     r0_std_ohm: np.ndarray
     r_std_ohm: np.ndarray
+    steady_std_ohm: np.ndarray
     ocv_std_volt: np.ndarray
     alike: tuple
 
@@ -138,7 +139,14 @@ def identify_branches(
         _cells(fit, fit.parameters, knots_at, capacity),
         _alike((fit, kinetic), knots_at, capacity),
     )
-    return GroupFit(cells, fit.rmse_volt, r0, pair, deviation, alike)
+    # What one of two resistances gains the other mostly loses.
+    ends = fit.root[-2 * len(capacity) * len(knots_at[-1]) :].reshape(
+        len(capacity), 2, -1, len(stds)
+    )
+    at_knots = np.linalg.norm(ends.sum(axis=1), axis=-1)
+    grid = np.linspace(0.0, 1.0, POINTS)
+    steady = np.array([np.interp(grid, knots_at[-1], std) for std in at_knots])
+    return GroupFit(cells, fit.rmse_volt, r0, pair, steady, deviation, alike)
 
 
 def _fitted(columns, knots, tau, scale, noise):
@@ -403,9 +411,10 @@ def _model(cell, fit, branch, celsius, fitted, note):
     ocv |= {"ocv_volt": volt.tolist(), "branches": "group"}
     condition = {"ambient_temperature_celsius": celsius} | _courses(fit.cells, branch, volt)
     condition |= {"fit_rmse_volt": fit.fit_rmse_volt, "tests": [fitted["test"]]}
-    stds = fit.r0_std_ohm, fit.r_std_ohm, fit.ocv_std_volt
-    r0_std, r_std, ocv_std = (_at_knots(std[branch]) for std in stds)
-    condition |= {"r0_std_ohm": r0_std, "ocv_shift_std_volt": ocv_std, "at_bound": []}
+    stds = fit.r0_std_ohm, fit.r_std_ohm, fit.steady_std_ohm, fit.ocv_std_volt
+    r0_std, r_std, steady_std, ocv_std = (_at_knots(std[branch]) for std in stds)
+    condition |= {"r0_std_ohm": r0_std, "steady_std_ohm": steady_std}
+    condition |= {"ocv_shift_std_volt": ocv_std, "at_bound": []}
     (branch_of,) = condition["branches"]
     branch_of |= {"r_std_ohm": r_std, "tau_std_second": [None] * KNOTS}
     member, alike = cells.members[branch], [_courses(one, branch, volt) for one in fit.alike]

@@ -135,8 +135,8 @@ def relative_resistance_std(member):
 
     Parameters
     ----------
-    member : dict, a member of a model file. Median over SoC and conditions; the resistances of one
-        SoC are taken as independent.
+    member : dict, a member of a model file. Median over SoC and conditions. Where it does not state
+        that of the sum of all resistances, those of one SoC are taken as independent.
     """
     shares = []
     for condition in member["conditions"]:
@@ -145,8 +145,10 @@ def relative_resistance_std(member):
         stds = [condition.get("r0_std_ohm"), *(branch.get("r_std_ohm") for branch in branches)]
         if any(std is None for std in stds):
             continue
-        squares = np.sum(np.square(np.array(stds, float)), axis=0)
-        shares += list(np.sqrt(squares) / np.sum(np.array(values, float), axis=0))
+        steady = condition.get("steady_std_ohm")
+        if steady is None:
+            steady = np.sqrt(np.sum(np.square(np.array(stds, float)), axis=0))
+        shares += list(np.array(steady, float) / np.sum(np.array(values, float), axis=0))
     shares = [share for share in shares if np.isfinite(share)]
     return float(np.median(shares)) if shares else np.nan
 
