@@ -41,8 +41,8 @@ def finish_model(
     left_out : whole tests for validation; a member with effects is chosen only if it wins there.
     The chosen member learns the noise of the filters from `tests` (docs/soc-filters.md).
     left_out_temperatures : results of `predict_left_out` on fitted tests, or none.
-    effects : `model` of the result of `missing_effect`, or None. Of a searched cell a particle in
-        use says what each of its parts is worth (docs/particle.md).
+    effects : `model` of the result of `missing_effect`, or None. Where they are given a
+        particle in use says what each of its parts is worth (docs/particle.md).
 
     Returns content: schema cellwright-model/2; parameters, choice. Raises Refusal: a group's
     document that has no model of the cell. Source: docs/models.md.

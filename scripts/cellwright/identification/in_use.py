@@ -259,8 +259,8 @@ def with_parts(model, rows, task, conditions):
 
     A part is worth something where blocks left out are missed by more without it, by two standard
     errors, and at some temperature by what somebody acts on: it takes the square of `MATERIAL_VOLT`
-    off the mean square error, as a name of the search has to. That is so on the tests fitted: what
-    they do not excite is worth nothing there.
+    off the mean square error, as a name of the search has to, and over all they are missed by more.
+    That is so on the tests fitted: what they do not excite is worth nothing there.
 
     Parameters
     ----------
@@ -281,9 +281,11 @@ def with_parts(model, rows, task, conditions):
         sure = standard_errors(scores, whole)
         ends = zip(scores, whole, strict=True)
         more = [rmse_of(without) ** 2 - rmse_of(with_it) ** 2 for without, with_it in ends]
-        worth = bool(sure > SURE and np.nanmax(more) > MATERIAL_VOLT**2)
-        about = {"standard_errors": sure, "worth": worth}
-        parts.append({"part": part, "left_out_rmse_volt": _rmse_of_all(scores)} | about)
+        volt = _rmse_of_all(scores)
+        larger = volt > _rmse_of_all(whole) and np.nanmax(more) > MATERIAL_VOLT**2
+        worth = bool(sure > SURE and larger)
+        about = {"left_out_rmse_volt": volt, "standard_errors": sure, "worth": worth}
+        parts.append({"part": part} | about)
         code = "part_worth" if worth else "part_worthless"
         words = say(f"not_chosen.{code}", part=say(f"part.{part}"), sure=sure)
         unknown = Judged(scores, np.full(len(celsius), np.nan))
