@@ -7,6 +7,7 @@ import truth
 from cellwright.circuits.model_file import simulate_model
 from cellwright.identification.in_use import FittedRecord
 from cellwright.identification.intervals import (
+    _start_std,
     beyond,
     half_width_volt,
     shares_holding,
@@ -96,6 +97,15 @@ def test_an_error_that_is_not_there_is_not_stated():
     held, half = shares(model, record(11, share=0.0)[0])
     assert 0.88 < held < 0.97
     assert half.mean() < 1.5 * entry["reading_volt"]
+
+
+def test_a_load_alone_tells_nothing_of_the_full_charges_before_tests():
+    tables = [{"ambient_temperature_celsius": celsius} for celsius in (0.0, 10.0, 25.0)]
+    particle = {"celsius": [-20.0, 0.0, 10.0, 25.0], "missing": [-0.05, 0.01, 0.012, 0.008]}
+    expected = np.std(particle["missing"][1:], ddof=1)
+    assert _start_std({"ocv": tables, "particle": particle}) == pytest.approx(expected)
+    assert _start_std({"ocv": tables[:2], "particle": particle}) == 0.0
+    assert _start_std({"ocv": tables, "particle": None}) == 0.0
 
 
 def test_a_core_warmer_than_the_surface_is_doubted_only_where_the_surface_was_measured():

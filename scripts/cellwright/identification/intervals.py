@@ -21,7 +21,12 @@ from cellwright.circuits.temperature import continued_ocv_at, temperature_weight
 from cellwright.identification.messages import say
 from cellwright.numerics.lags import lag
 from cellwright.numerics.statistics import NORMAL_90
-from cellwright.records.conditions import SAME_RATE, at_rest, at_rest_in_record
+from cellwright.records.conditions import (
+    SAME_RATE,
+    at_rest,
+    at_rest_in_record,
+    same_temperature,
+)
 from cellwright.records.counting import counted_std_share
 from cellwright.records.record import STATED
 from cellwright.records.thinning import averaged_to
@@ -149,8 +154,15 @@ def rival_of(model, name):
 def _start_std(model):
     """Deviation of the SoC at the start of a test [1]: by which the full charges before the tests
     fitted differ from one temperature to the next. Of a circuit that trades with the shift of its
-    OCV, so the particle tells it; 0 where there is none, or fewer than three temperatures."""
-    missing = (model.get("particle") or {}).get("missing", ())
+    OCV, so the particle tells it; 0 where there is none, or fewer than three temperatures. A load
+    alone, at a temperature of which nothing else is fitted, does not tell it from the stretch."""
+    particle = model.get("particle") or {"missing": (), "celsius": ()}
+    tested = [table["ambient_temperature_celsius"] for table in model["ocv"]]
+    missing = [
+        soc
+        for soc, celsius in zip(particle["missing"], particle["celsius"], strict=True)
+        if any(same_temperature(celsius, other) for other in tested)
+    ]
     return float(np.std(missing, ddof=1)) if len(missing) > 2 else 0.0
 
 
