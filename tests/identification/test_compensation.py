@@ -7,14 +7,19 @@ import pytest
 import truth
 from sheets_facts import cell_facts, measured_test
 
-from cellwright.circuits.temperature import laws_over_temperature, resistance_factor
+from cellwright.circuits.temperature import (
+    fitted_law,
+    laws_over_temperature,
+    resistance_factor,
+)
 from cellwright.identification.cell import identify
 from cellwright.identification.compensation import predicted, with_laws, without
 from cellwright.refusal import Refusal
 
 CELL = cell_facts()
 KNOWN = np.array([-20.0, 0.0, 25.0, 45.0])
-ENERGY = 35e3
+# Of R0 and both pairs, as cells usually have them: with others the law leans towards these.
+ENERGIES = np.array([[12e3], [30e3], [30e3]])
 
 
 def a_test(series, celsius, role="fit", name=None, soc=0.95):
@@ -27,7 +32,7 @@ def record(celsius, seed=1, curved=0.0):
     rng = np.random.default_rng(seed)
     time, current = truth.drive(rng, seconds=4500)
     soc = truth.soc_of(time, current, 0.95)
-    scale = resistance_factor(celsius, 25.0, ENERGY) * np.exp(
+    scale = resistance_factor(celsius, 25.0, ENERGIES) * np.exp(
         curved * ((celsius - 25.0) / 20.0) ** 2
     )
     volt = truth.voltage(time, current, soc, resistance_factor=scale) + 3e-4 * rng.standard_normal(
@@ -73,8 +78,7 @@ def test_an_arrhenius_cell_is_predicted_where_it_was_left_out(arrhenius):
     assert not notes
     assert [row["left_out_celsius"] for row in rows] == KNOWN.tolist()
     assert [row["beyond"] for row in rows] == [True, False, False, True]
-    assert all(row["ratio"] < 1.6 for row in rows[1:]), [row["ratio"] for row in rows]
-    assert rows[0]["rmse_volt_soc_5_95"] < 0.006  # of 0.2 V of overvoltage
+    assert all(row["ratio"] < 2.0 for row in rows), [row["ratio"] for row in rows]
     assert rows[0]["extrapolated"] == 1.0
 
 
@@ -130,5 +134,26 @@ def test_a_model_says_its_laws_and_how_it_errs_where_a_temperature_was_left_out(
     assert [one["cold_joule_per_mole"] for one in member["laws_over_temperature"]] == [
         law.cold_joule_per_mole for law in laws
     ]
-    assert laws[0].warm_joule_per_mole == pytest.approx(ENERGY, abs=6e3)
+    found = {law.kinds[0]: law.warm_joule_per_mole for law in laws}
+    expected = {"relaxing": ENERGIES[1, 0], "ohmic": ENERGIES[0, 0]}
+    assert found == pytest.approx(expected, abs=2e3)
+
+
+def test_where_energies_are_unusual_the_law_leans_towards_usual_ones_and_its_deviation_says_so():
+    celsius, energy = np.array([0.0, 25.0, 45.0]), 35e3  # of R0, which in most cells is flatter
+    law = fitted_law(("ohmic",), celsius, np.log(resistance_factor(celsius, 25.0, energy)))
+    ends = (
+        (law.cold_joule_per_mole, law.cold_std_joule_per_mole),
+        (
+            law.warm_joule_per_mole,
+            law.warm_std_joule_per_mole,
+        ),
+    )
+    for found, std in ends:
+        assert 0.7 * energy < found < energy
+        assert energy - found < 2.0 * std
+
+
+def test_a_model_that_left_nothing_out_says_nothing_of_it(arrhenius):
+    model = arrhenius[1]
     assert not with_laws(model)["left_out_temperatures"]

@@ -33,8 +33,13 @@ def ocv_at(soc):
 
 
 def voltage(time, current, soc, shift=0.0, hold="first_order", extra=(), resistance_factor=1.0):
-    """Terminal voltage of the true cell, with any further branches beside its own."""
-    at = [resistance_factor * np.interp(soc, KNOTS, values) for values in (R0, *R)]
+    """Terminal voltage of the true cell, with any further branches beside its own.
+
+    resistance_factor : of all resistances, scalar or (n,), or (1 + pairs, 1) of each, R0 first.
+    """
+    factors = np.broadcast_to(resistance_factor, (1 + len(R), len(soc)))
+    pairs = zip(factors, (R0, *R), strict=True)
+    at = [factor * np.interp(soc, KNOTS, values) for factor, values in pairs]
     circuit = (*rc_circuit(at[0], at[1:], TAU), *extra)
     settings = {"hold": hold, "open_circuit": (ocv_at, soc)}
     return simulate(circuit, time, current, ocv_at(soc) + shift, **settings)
