@@ -141,6 +141,8 @@ def test_a_simulation_says_where_it_leaves_its_model():
     assert "One temperature was tested, 25 °C: at others resistances follow" in usual
     with pytest.raises(Refusal, match=r"found 298.15 to 298.15, wanted -60 to 150 .*in kelvin\?"):
         simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=298.15)
+    with pytest.raises(Refusal, match=r"found -80 to -80, wanted -60 to 150 °C$"):
+        simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=-80.0)
 
 
 def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():

@@ -218,6 +218,13 @@ def test_what_a_model_was_fitted_to_is_not_scored():
         score(series, models=fitted(0.0, 6000.0))
 
 
+def test_models_of_a_group_from_before_their_sensors_noise_was_stated_still_serve():
+    span = fitted(1000.0, 3000.0)[0]["fitted"] | {"sensor_offset_ampere": 0.02}
+    models = [model | {"fitted": span} for model in MODELS]
+    rows = score(record(), branches(soc=[0.8, 0.9]), models=models).rows
+    assert [row["sensor_offset_ampere"] for row in rows] == [0.02, 0.02]
+
+
 def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():
     scored = score(record(), branches(soc=[None, None]))
     assert scored.notes[0] == "SoC at the start read from the group's rest voltage"

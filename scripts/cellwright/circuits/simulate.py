@@ -47,7 +47,8 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     if not np.all((celsius >= COLDEST) & (celsius <= HOTTEST)):
         found = f"{celsius.min():g} to {celsius.max():g}"
         wanted = f"wanted {COLDEST:g} to {HOTTEST:g} °C"
-        raise Refusal(f"temperature_celsius: found {found}, {wanted}; in kelvin?")
+        kelvin = "; in kelvin?" if np.all(celsius > HOTTEST) else ""
+        raise Refusal(f"temperature_celsius: found {found}, {wanted}{kelvin}")
     member = in_use(model) if member is None else member
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}

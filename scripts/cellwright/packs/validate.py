@@ -337,8 +337,8 @@ def _of_sensors(fits, stated, record, notes):
     """Offsets of the branch sensors and how far their readings scatter (branches,) [A], 0 where
     nothing tells them."""
     if fits:
-        names = ("sensor_offset_ampere", "sensor_noise_ampere")
-        offset, noise = (np.array([fit[name] for fit in fits]) for name in names)
+        names = ("sensor_offset_ampere", "sensor_noise_ampere")  # the latter not of files of before
+        offset, noise = (np.array([fit.get(name, np.nan) for fit in fits]) for name in names)
     elif stated == [None] * len(stated):
         offset, noise = _read_at_start(record)
     else:
