@@ -145,6 +145,21 @@ def test_a_simulation_says_where_it_leaves_its_model():
         simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=-80.0)
 
 
+def test_of_a_cell_that_warmed_it_is_said_where_usual_energies_begin():
+    model = model_of_tests()
+    (condition,) = model["members"][0]["conditions"]
+    condition |= {"activation_energy_joule_per_mole": 3e4, "activation_energy_kelvin": 12.0}
+    load = {"test_time_second": [0.0, 60.0], "current_ampere": [-1.0] * 2}
+    near, far = (
+        cw.simulate(model, load, initial_soc=0.8, temperature_celsius=celsius).notes
+        for celsius in (35.0, 40.0)
+    )
+    assert len(near) == 1
+    assert "One temperature was tested" in far[1]
+    condition["activation_energy_kelvin"] = None  # it holds everywhere
+    assert len(cw.simulate(model, load, initial_soc=0.8, temperature_celsius=40.0).notes) == 1
+
+
 def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():
     model, load = model_of_tests(), {"test_time_second": [0.0, 60.0], "current_ampere": [-1.0] * 2}
     (member,) = model["members"]

@@ -6,6 +6,7 @@ from cellwright.circuits import inputs as given
 from cellwright.circuits.messages import say
 from cellwright.circuits.model_file import in_use, member_of, simulate_model
 from cellwright.circuits.particle import NAME
+from cellwright.circuits.temperature import celsius_of, usual_from_kelvin
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
@@ -66,8 +67,8 @@ def _reach(model, member, celsius, run):
         return
     outside = celsius[run.outside_temperature]
     conditions = member_of(model, member)["conditions"]
-    if len(conditions) == 1 and conditions[0].get("activation_energy_joule_per_mole") is None:
-        stated = conditions[0]["ambient_temperature_celsius"]
+    stated = celsius_of(conditions[0]["ambient_temperature_celsius"])
+    if np.any(np.abs(outside - stated) > usual_from_kelvin(conditions)):
         yield say("left_model.one_temperature", celsius=stated)
     for entry in model.get("left_out_temperatures", ()):
         at, without, own = (

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import member_of
+from cellwright.circuits.temperature import usual_from_kelvin
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
 from cellwright.packs.cells import alike_cells, pack_cells, table_temperatures
@@ -163,10 +164,12 @@ def _blind_to_temperature(models, record):
         "by the activation energies that cells usually have": [],
     }
     for model in models:
-        known, *more = member_of(model)["conditions"]
-        at, told = known["ambient_temperature_celsius"], known.get(ENERGY)
-        if not more and not told and not same_temperature(at, celsius):
-            list(ways.values())[told is None].append(model["cell"])
+        conditions = member_of(model)["conditions"]
+        at = conditions[0]["ambient_temperature_celsius"]
+        usual = abs(celsius - stated_or_reference(at)) > usual_from_kelvin(conditions)
+        told = len(conditions) > 1 or conditions[0].get(ENERGY)
+        if (usual or not told) and not same_temperature(at, celsius):
+            list(ways.values())[usual].append(model["cell"])
     return [
         f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how its resistance "
         f"follows temperature, and the record is at {celsius:.0f} °C"
