@@ -175,8 +175,8 @@ def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_
     ]
     assert notes[0] == ()
     assert len(notes[1]) == 2
-    assert "Where the tests at 0 °C" in notes[1][1]
-    assert "R erred by 26 mV there (SoC 5 to 95 %), fitted with them by 14 mV" in notes[1][1]
+    assert "0 °C is the coldest: R erred there by 26 mV RMS (SoC 5 to 95 %)" in notes[1][1]
+    assert "and by 14 mV with it" in notes[1][1]
 
 
 def test_a_cell_that_is_charged_to_full_is_not_beyond_it():

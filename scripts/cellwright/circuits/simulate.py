@@ -77,7 +77,7 @@ def _reach(model, member, celsius, run):
         colder = at < np.mean([c["ambient_temperature_celsius"] for c in conditions])
         beyond = outside < at if colder else outside > at
         if entry["beyond"] and entry["model"] == member and beyond.any():
-            fields = {"celsius": at, "model": member}
+            fields = {"celsius": at, "model": member, "end": "coldest" if colder else "warmest"}
             fields |= {"without_mv": 1e3 * without, "own_mv": 1e3 * own}
             yield say("left_model.temperature_error", **fields)
 

@@ -171,7 +171,7 @@ def _blind_to_temperature(models, record):
         if (usual or not told) and not same_temperature(at, celsius):
             list(ways.values())[usual].append(model["cell"])
     return [
-        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how its resistance "
+        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how resistance "
         f"follows temperature, and the record is at {celsius:.0f} °C"
         for way, cells in ways.items()
         if cells
