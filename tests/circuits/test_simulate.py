@@ -158,6 +158,9 @@ def test_of_a_cell_that_warmed_it_is_said_where_usual_energies_begin():
     assert "One temperature was tested" in far[1]
     condition["activation_energy_kelvin"] = None  # it holds everywhere
     assert len(cw.simulate(model, load, initial_soc=0.8, temperature_celsius=40.0).notes) == 1
+    condition["activation_energy_joule_per_mole"] = 0.0
+    _, held = cw.simulate(model, load, initial_soc=0.8, temperature_celsius=40.0).notes
+    assert "states no change of its resistances over temperature" in held
 
 
 def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():

@@ -70,6 +70,8 @@ def _reach(model, member, celsius, run):
     stated = celsius_of(conditions[0]["ambient_temperature_celsius"])
     if np.any(np.abs(outside - stated) > usual_from_kelvin(conditions)):
         yield say("left_model.one_temperature", celsius=stated)
+    elif len(conditions) == 1 and not conditions[0]["activation_energy_joule_per_mole"]:
+        yield say("left_model.held", celsius=stated)
     for entry in model.get("left_out_temperatures", ()):
         at, without, own = (
             entry[n] for n in ("ambient_temperature_celsius", "rmse_volt", "own_rmse_volt")
