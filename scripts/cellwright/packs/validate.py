@@ -275,7 +275,8 @@ def _alike(models, celsius, uncertainty, record, start, stated, counted):
         starts = starts + draw_cells(uncertainty, draws=len(copies)).initial_soc[:, :1]
     elif not counted:
         first = record.voltage_volt[0]
-        starts = np.array([_soc_at(one, record, first) for one in copies])
+        looked_up = np.array([_soc_at(one, record, first) for one in copies])
+        starts = np.where([one is None for one in stated], looked_up, starts)
     return _Draws(copies.__getitem__, starts, 0.0)
 
 
