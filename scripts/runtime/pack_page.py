@@ -5,7 +5,7 @@ from runtime.page_tables import link, plain_table
 
 # In the sentences of a simulation that its reader must know: of swapped cells, and of cells whose
 # resistance no test tells at the temperature that they are simulated at.
-GRAVE = ("swapped channels?", "no test tells how its resistance")
+GRAVE = ("swapped channels?", "no test tells how resistance")
 TABLES = (
     "packs",
     "pack_findings",

@@ -124,9 +124,10 @@ def r0_of(model):
 
 def test_the_capacities_of_the_reference_are_not_those_of_the_cell():
     aged = {"checkups": [{"cycle": 0}, {"cycle": 300}], "capacity_std_ampere_hour": 0.5}
+    aged |= {"left_out_temperatures": [{"beyond": True}], "alike": [{}]}
     reference = bare("L", model=truth.model("L") | aged)
     model = borrow_model(BARE._replace(capacity_std_ampere_hour=0.02), [reference]).content
-    assert not model.get("checkups")
+    assert not model.keys() & {"checkups", "left_out_temperatures", "alike"}
     assert model["capacity_std_ampere_hour"] == 0.02
 
 

@@ -138,6 +138,9 @@ def test_energies_that_hold_everywhere_are_followed_beyond_and_those_of_own_warm
     assert near == pytest.approx(resistance_factor(33.0, 25.0, 35e3))
     usual = resistance_factor(45.0, 33.0, ENERGIES["ohmic"].mean)
     assert far == pytest.approx(near * usual)
+    flat = warmed | {"activation_energy_joule_per_mole": 0.0}
+    near, far = (ohms([flat], [celsius])[0, 0] / 0.02 for celsius in (33.0, 45.0))
+    assert (near, far) == pytest.approx((1.0, usual))
 
 
 def test_how_far_an_energy_holds_is_refused_where_it_is_no_number():

@@ -141,6 +141,26 @@ def test_a_simulation_says_where_it_leaves_its_model():
     assert "One temperature was tested, 25 °C: at others resistances follow" in usual
     with pytest.raises(Refusal, match=r"found 298.15 to 298.15, wanted -60 to 150 .*in kelvin\?"):
         simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=298.15)
+    with pytest.raises(Refusal, match=r"found -80 to -80, wanted -60 to 150 °C$"):
+        simulated(-2.0, 0.25, initial_soc=0.8, temperature_celsius=-80.0)
+
+
+def test_of_a_cell_that_warmed_it_is_said_where_usual_energies_begin():
+    model = model_of_tests()
+    (condition,) = model["members"][0]["conditions"]
+    condition |= {"activation_energy_joule_per_mole": 3e4, "activation_energy_kelvin": 12.0}
+    load = {"test_time_second": [0.0, 60.0], "current_ampere": [-1.0] * 2}
+    near, far = (
+        cw.simulate(model, load, initial_soc=0.8, temperature_celsius=celsius).notes
+        for celsius in (35.0, 40.0)
+    )
+    assert len(near) == 1
+    assert "One temperature was tested" in far[1]
+    condition["activation_energy_kelvin"] = None  # it holds everywhere
+    assert len(cw.simulate(model, load, initial_soc=0.8, temperature_celsius=40.0).notes) == 1
+    condition["activation_energy_joule_per_mole"] = 0.0
+    _, held = cw.simulate(model, load, initial_soc=0.8, temperature_celsius=40.0).notes
+    assert "states no change of its resistances over temperature" in held
 
 
 def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_was_left_out():
@@ -158,8 +178,8 @@ def test_a_simulation_beyond_the_tests_says_how_the_model_erred_where_their_end_
     ]
     assert notes[0] == ()
     assert len(notes[1]) == 2
-    assert "Where the tests at 0 °C" in notes[1][1]
-    assert "R erred by 26 mV there (SoC 5 to 95 %), fitted with them by 14 mV" in notes[1][1]
+    assert "0 °C is the coldest: R erred there by 26 mV RMS (SoC 5 to 95 %)" in notes[1][1]
+    assert "and by 14 mV with it" in notes[1][1]
 
 
 def test_a_cell_that_is_charged_to_full_is_not_beyond_it():

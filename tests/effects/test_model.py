@@ -354,6 +354,17 @@ def test_a_record_begins_at_the_soc_that_was_found_with_the_rest_of_it():
         assert judged.fit_rmse_volt.max() < 3e-4
 
 
+def test_of_one_temperature_resistances_are_as_they_were_as_far_as_its_records_went():
+    given = effect_model("resistance_asymmetry", "current_gain")
+    for tests, kelvin in ((series_of(given)[-1:], 2.0), (series_of(given), None)):
+        model = family_of(tests)
+        conditions = fitted_records(model, BASIS, SHEET, tests, split_rest_second=200.0)
+        found, judged = with_effects(model, searched(given, []), tests, conditions)
+        assert judged.fit_rmse_volt.max() < 3e-4
+        reach = found["members"][-1]["conditions"][0].get("activation_energy_kelvin")
+        assert reach == (kelvin and pytest.approx(kelvin, abs=0.01))
+
+
 def test_without_effects_the_family_is_judged_alone():
     tests = series_of(effect_model("resistance_temperature"))
     model, rows = finished_of(effect_model(), tests)

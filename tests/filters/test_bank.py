@@ -102,6 +102,9 @@ def test_errors_are_those_of_the_interval_and_grow_with_the_load():
     # Of another member nothing is stated: as without.
     other = stated() | {"intervals": [interval("DRT", [2e-3, 0.2, 0.3, 0.02])]}
     assert level(bank_of(other, None, 25.0)) == level(bank_of(stated(), None, 25.0))
+    # A model file of before has an interval, but no shares of a circuit alone: as without.
+    before = stated() | {"intervals": [{"model": "2RC", "start_soc_std": 0.0}]}
+    assert level(bank_of(before, None, 25.0)) == level(bank_of(stated(), None, 25.0))
 
 
 def interval(name, alone):

@@ -9,6 +9,7 @@ from sheets_facts import cell_facts, measured_test
 from synthetic import diffusion
 
 from cellwright.circuits.temperature import resistance_factor
+from cellwright.identification import cell
 from cellwright.identification.cell import identify
 from cellwright.refusal import Refusal
 
@@ -226,6 +227,13 @@ def test_the_file_holds_what_its_schema_says(hppc):
     (entry,) = chosen(hppc)["conditions"]
     assert entry["activation_energy_joule_per_mole"] is None  # no cell warmed
     assert [branch["kind"] for branch in entry["branches"]] == ["RC", "RC"]
+
+
+def test_that_warming_changes_nothing_is_known_and_not_unknown(monkeypatch):
+    monkeypatch.setattr(cell, "activation_of", lambda *a, **b: ([0.0], "told"))
+    model = identify(CELL, basis(), [fit_test()], **SETTINGS | {"members": ["1RC"]}).content
+    (entry,) = chosen(model)["conditions"]
+    assert entry["activation_energy_joule_per_mole"] == 0.0
 
 
 def test_every_member_has_the_same_branches_at_every_temperature():

@@ -13,7 +13,7 @@ from cellwright.packs.cells import pack_cells
 from cellwright.packs.simulate import simulate_pack
 from cellwright.packs.thermal import Thermal
 from cellwright.packs.uncertainty.draws import uncertainty_of
-from cellwright.packs.validate import of_one_activation_energy, validate_group
+from cellwright.packs.validate import _with_energy, of_one_activation_energy, validate_group
 from cellwright.packs.wiring import Wiring
 from cellwright.refusal import Refusal
 
@@ -71,6 +71,18 @@ def test_a_cell_that_is_simulated_at_a_temperature_it_was_not_tested_at_is_told(
     (said,) = [note for note in score(record(), celsius=10.0).notes if "no test tells" in note]
     assert "A, B simulated by the activation energies that cells usually have" in said
     assert said.endswith("the record is at 10 °C")
+
+
+def test_a_cell_s_own_warming_tells_how_it_is_as_far_as_it_warmed():
+    def told(celsius, kelvin):
+        energy = {"activation_energy_joule_per_mole": 3e4, "activation_energy_kelvin": kelvin}
+        models = [_with_energy(model, energy) for model in MODELS]
+        notes = score(record(), models=models, celsius=celsius).notes
+        return any("that cells usually have" in note for note in notes)
+
+    assert told(10.0, 8.0)
+    assert not told(10.0, 20.0)
+    assert not told(10.0, None)
 
 
 def test_each_cell_runs_as_its_chosen_member():
@@ -216,6 +228,13 @@ def test_what_a_model_was_fitted_to_is_not_scored():
     assert other.series["scored"].all()
     with pytest.raises(Refusal, match="nothing is left to score"):
         score(series, models=fitted(0.0, 6000.0))
+
+
+def test_models_of_a_group_from_before_their_sensors_noise_was_stated_still_serve():
+    span = fitted(1000.0, 3000.0)[0]["fitted"] | {"sensor_offset_ampere": 0.02}
+    models = [model | {"fitted": span} for model in MODELS]
+    rows = score(record(), branches(soc=[0.8, 0.9]), models=models).rows
+    assert [row["sensor_offset_ampere"] for row in rows] == [0.02, 0.02]
 
 
 def test_soc_at_the_start_is_found_from_the_rest_voltage_where_not_stated():

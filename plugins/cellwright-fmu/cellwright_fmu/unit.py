@@ -82,9 +82,10 @@ def unit_temperatures(models):
     if not measured:
         return None
     energies = [condition.get("activation_energy_joule_per_mole") for condition in conditions]
-    if len(measured) == 1 and not any(energy is None or energy for energy in energies):
+    reach = [condition.get("activation_energy_kelvin") for condition in conditions]
+    if len(measured) == 1 and set(energies) == {0.0} and set(reach) == {None}:
         return measured
-    warmed = max(c.get("activation_energy_kelvin") or 0.0 for c in conditions)
+    warmed = max(kelvin or 0.0 for kelvin in reach)
     near = (measured[0] - warmed, measured[-1] + warmed)
     inner = np.arange(measured[0], measured[-1], BETWEEN_KELVIN)
     ends = [

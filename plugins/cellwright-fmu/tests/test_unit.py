@@ -184,6 +184,9 @@ def test_tables_reach_where_the_model_reaches():
     one = truth.stated()
     one["members"][0]["conditions"][0]["activation_energy_joule_per_mole"] = 0.0
     assert unit_temperatures([one]) == [25.0]
+    # Nothing over 8 K of its own warming, and what cells usually have beyond.
+    one["members"][0]["conditions"][0]["activation_energy_kelvin"] = 8.0
+    assert {17.0, 33.0} <= set(unit_temperatures([one]))
     known = unit_temperatures([two_temperatures(energy=2e4)])
     assert {0.0, 25.0} <= set(known)
     assert known[0] < -30.0

@@ -79,7 +79,7 @@ def changed(reference, change, *, cell, capacity, kind, notes, knots=()):
     # Neither the reference's left-out blocks nor its other capacities say anything of this cell,
     # and what is scaled here are tables over SoC, not a particle.
     of_reference = ("left_out", "checkups", "capacity_std_ampere_hour", "particle")
-    of_reference += ("fitted_to", "intervals")
+    of_reference += ("fitted_to", "intervals", "left_out_temperatures", "alike")
     rest = {name: value for name, value in reference.items() if name not in of_reference}
     return {**rest, **cell_fields, "notes": list(notes)}
 

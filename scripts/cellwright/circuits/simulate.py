@@ -6,6 +6,7 @@ from cellwright.circuits import inputs as given
 from cellwright.circuits.messages import say
 from cellwright.circuits.model_file import in_use, member_of, simulate_model
 from cellwright.circuits.particle import NAME
+from cellwright.circuits.temperature import celsius_of, usual_from_kelvin
 from cellwright.records import inputs
 from cellwright.refusal import Refusal
 from cellwright.result import Result
@@ -47,7 +48,8 @@ def simulate(model, current, *, initial_soc, temperature_celsius=25.0, member=No
     if not np.all((celsius >= COLDEST) & (celsius <= HOTTEST)):
         found = f"{celsius.min():g} to {celsius.max():g}"
         wanted = f"wanted {COLDEST:g} to {HOTTEST:g} °C"
-        raise Refusal(f"temperature_celsius: found {found}, {wanted}; in kelvin?")
+        kelvin = "; in kelvin?" if np.all(celsius > HOTTEST) else ""
+        raise Refusal(f"temperature_celsius: found {found}, {wanted}{kelvin}")
     member = in_use(model) if member is None else member
     run = simulate_model(model, member, time, ampere, soc, celsius)
     columns = {"test_time_second": time, "current_ampere": ampere, "soc": soc}
@@ -65,9 +67,11 @@ def _reach(model, member, celsius, run):
         return
     outside = celsius[run.outside_temperature]
     conditions = member_of(model, member)["conditions"]
-    if len(conditions) == 1 and conditions[0].get("activation_energy_joule_per_mole") is None:
-        stated = conditions[0]["ambient_temperature_celsius"]
+    stated = celsius_of(conditions[0]["ambient_temperature_celsius"])
+    if np.any(np.abs(outside - stated) > usual_from_kelvin(conditions)):
         yield say("left_model.one_temperature", celsius=stated)
+    elif len(conditions) == 1 and not conditions[0]["activation_energy_joule_per_mole"]:
+        yield say("left_model.held", celsius=stated)
     for entry in model.get("left_out_temperatures", ()):
         at, without, own = (
             entry[n] for n in ("ambient_temperature_celsius", "rmse_volt", "own_rmse_volt")
@@ -75,7 +79,7 @@ def _reach(model, member, celsius, run):
         colder = at < np.mean([c["ambient_temperature_celsius"] for c in conditions])
         beyond = outside < at if colder else outside > at
         if entry["beyond"] and entry["model"] == member and beyond.any():
-            fields = {"celsius": at, "model": member}
+            fields = {"celsius": at, "model": member, "end": "coldest" if colder else "warmest"}
             fields |= {"without_mv": 1e3 * without, "own_mv": 1e3 * own}
             yield say("left_model.temperature_error", **fields)
 

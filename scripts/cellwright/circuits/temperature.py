@@ -305,6 +305,24 @@ def laws_over_temperature(conditions):
     return laws
 
 
+def usual_from_kelvin(conditions):
+    """How far from an only temperature resistances begin to follow what cells usually have [K].
+
+    Infinite where they follow what several temperatures tell, or energies that hold everywhere.
+
+    Parameters
+    ----------
+    conditions : sequence of condition dicts of a model file.
+    """
+    first, *more = conditions
+    if more:
+        return np.inf
+    if first.get("activation_energy_joule_per_mole") is None:
+        return 0.0
+    kelvin = first.get("activation_energy_kelvin")
+    return np.inf if kelvin is None else float(kelvin)
+
+
 def _joined(sums):
     """Kinds by their law; one below `LEAST_SHARE` somewhere is joined to the next larger one."""
     whole = np.maximum(sum(sums.values()), SMALLEST)

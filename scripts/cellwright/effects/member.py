@@ -402,6 +402,11 @@ def with_effects(model, effect_model, tests, conditions):
     member = models[0]["members"][-1]
     whole = np.concatenate([by_fit[0] for part in errors for by_fit in part])
     fitted = {"fit_rmse_volt": float(np.sqrt(np.mean(whole**2))), "samples": len(whole)}
+    # No change of a cell's resistances over one temperature is none as far as its records went.
+    flat = not any(c["activation_energy_joule_per_mole"] for c in member["conditions"])
+    if flat and len(temperatures(courses, stated, ())) == 1:
+        reach = max(float(np.abs(course - celsius[0]).max()) for course in courses)
+        fitted |= {"activation_energy_kelvin": reach}
     for condition in member["conditions"]:
         condition |= fitted | {
             "tests": [fitted_record.record.test for part in conditions for fitted_record in part]

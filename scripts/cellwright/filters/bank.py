@@ -200,7 +200,9 @@ def _model_errors(model, member, celsius, slope_volt, level_volt):
     Without an interval they are over temperature straight in °C, and as much larger than in the fit
     as the error of all blocks left out is. slope_volt, level_volt : of the OCV, see `_slope_of`.
     """
-    stated = [e for e in model.get("intervals", ()) if e["model"] == member["model"]]
+    # A model file of before states none of a circuit alone.
+    of_member = [e for e in model.get("intervals", ()) if e["model"] == member["model"]]
+    stated = [e for e in of_member if "alone" in e]
     if stated:
         reading, at_once, lasting, of_soc = np.array(stated[0]["alone"]) / NORMAL_90
         shares = {"load_error_volt": 0.0, "load_shares": np.array([at_once, lasting])}

@@ -213,7 +213,8 @@ def _identified(by_temperature, basis, members, rest, notes):
     # A series is as long and begins alike at all temperatures, so that their models can be mixed;
     # each ends where its own rests end.
     low, high = zip(*(limits_of(_data(fit_records, basis)) for fit_records in usable), strict=True)
-    series, mean_energy = series_of(min(low), max(high)), float(np.mean(energies))
+    series = series_of(min(low), max(high))
+    mean_energy = float(np.mean([energy or 0.0 for energy in energies]))
     notes.append(_ends_in_words(usable, high))
     by_celsius, found = {}, None
     parts = zip(usable, energies, high, strict=True)
@@ -223,7 +224,7 @@ def _identified(by_temperature, basis, members, rest, notes):
         # ASSUME: Diffusion in the particles slows in the cold by the factor by which resistance
         # grows. Its time is found once, at the temperature nearest 25 °C that shows one.
         second = found and found[0] * resistance_factor(one.celsius, found[1], mean_energy)
-        ready = at_activation_energy(one, energy)
+        ready = at_activation_energy(one, energy or 0.0)
         fixed = {"diffusion_second": second, "limits_second": (min(low), longest), "series": series}
         identified = _condition(ready, energy, basis, members, rest, fixed)
         notes += identified.notes
@@ -328,7 +329,7 @@ def _condition(fit_records, energy, basis, members, rest, fixed):
             fitted.condition, ambient_temperature_celsius=fit_records.celsius, tests=tests
         )
         entries[name] = entry | {
-            "activation_energy_joule_per_mole": energy or None,
+            "activation_energy_joule_per_mole": energy,
             "activation_energy_kelvin": float(max(np.ptp(r.celsius) for r in fit_records.records)),
         }
     table = _table(fit_records.celsius, data, curve)

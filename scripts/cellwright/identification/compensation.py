@@ -116,7 +116,7 @@ def with_laws(model, left_out=()):
     -------
     model : the same with `laws_over_temperature` in each member, as all that simulates it takes
         them, and `left_out_temperatures`: of each its RMS error [V] at SoC 5 to 95 %, the mean of
-        its tests, without and with it in the fit.
+        its tests that have rows there, without and with it in the fit.
     """
     members = [
         member
@@ -130,8 +130,9 @@ def with_laws(model, left_out=()):
     ]
     names = ("rmse_volt_soc_5_95", "own_rmse_volt_soc_5_95")
     errors, words = [], []
-    for celsius in sorted({row["left_out_celsius"] for row in left_out}):
-        of_it = [row for row in left_out if row["left_out_celsius"] == celsius]
+    known = [row for row in left_out if np.isfinite([row[name] for name in names]).all()]
+    for celsius in sorted({row["left_out_celsius"] for row in known}):
+        of_it = [row for row in known if row["left_out_celsius"] == celsius]
         volt = {name.removesuffix("_soc_5_95"): rms([row[name] for row in of_it]) for name in names}
         about = {"ambient_temperature_celsius": celsius, "beyond": of_it[0]["beyond"]}
         errors.append(about | {"model": of_it[0]["model"]} | volt)

@@ -354,7 +354,7 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
 
     With several temperatures the slope of ln R over 1/T to the neighbours, R being what relaxes
     within a minute, at the middle of the common SoC. With one, the value among 0, 10, … 50 kJ/mol
-    that fits best, provided the cell warmed by more than 2 K. Else none.
+    that fits best, provided the cell warmed by more than 2 K.
 
     Parameters
     ----------
@@ -364,7 +364,8 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
 
     Returns
     -------
-    joule_per_mole : list, one a temperature [J/mol]. words : sentence on them, or "".
+    joule_per_mole : list, one a temperature [J/mol], None where nothing tells it. words : sentence
+        on them, or "".
     """
     if len(by_temperature) > 1:
         resistance = [
@@ -373,17 +374,19 @@ def activation_of(by_temperature, data_of_records, *, capacity_ampere_hour):
         ]
         celsius = [fit_records.celsius for fit_records in by_temperature]
         energies = _energies_from_neighbours(celsius, resistance)
+        if None in energies:
+            return energies, ""
         pairs = zip(celsius, energies, strict=True)
         listed = ", ".join(f"{energy / 1e3:.0f} at {t:g} °C" for t, energy in pairs)
         return energies, f"activation energies from neighbouring temperatures: {listed} kJ/mol"
     varied = max(np.ptp(record.celsius) for record in by_temperature[0].records)
     # Less is a chamber's wobble, in which no resistance shows its energy.
     if varied < 2.0:
-        return [0.0], ""
+        return [None], ""
     try:
         best = _best_energy(by_temperature[0], data_of_records, capacity_ampere_hour)
     except Refusal as refusal:
-        return [0.0], f"activation energy not known, taken as 0: {refusal}"
+        return [None], f"activation energy not known, fitted without one: {refusal}"
     words = f"activation energy {best / 1e3:.0f} kJ/mol, from the cell's own warming"
     return [best], f"{words} by {varied:.0f} K"
 
@@ -430,10 +433,10 @@ def prompt_resistance(condition):
 
 
 def _energies_from_neighbours(celsius, resistance):
-    """Activation energy at each temperature [J/mol]: mean slope to its neighbours."""
+    """Activation energy at each temperature [J/mol]: mean slope to its neighbours, or None."""
     resolved = np.isfinite(resistance)
     if resolved.sum() < 2:
-        return [0.0] * len(celsius)
+        return [None] * len(celsius)
     temperature, ohm = np.asarray(celsius)[resolved], np.asarray(resistance)[resolved]
     slope = GAS_CONSTANT * np.diff(np.log(ohm)) / np.diff(1.0 / (temperature + ZERO_CELSIUS_KELVIN))
     slope = np.clip(slope, 0.0, 100e3)

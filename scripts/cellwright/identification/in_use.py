@@ -287,7 +287,8 @@ def with_parts(model, rows, task, conditions):
         about = {"left_out_rmse_volt": volt, "standard_errors": sure, "worth": worth}
         parts.append({"part": part} | about)
         code = "part_worth" if worth else "part_worthless"
-        words = say(f"not_chosen.{code}", part=say(f"part.{part}"), sure=sure)
+        wanted = {"wanted": SURE, "least": 1e3 * MATERIAL_VOLT}
+        words = say(f"not_chosen.{code}", part=say(f"part.{part}"), sure=sure, **wanted)
         unknown = Judged(scores, np.full(len(celsius), np.nan))
         rows += [
             row | {"chosen": False} | reason_columns(code, words)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cellwright.circuits.model_file import member_of
+from cellwright.circuits.temperature import usual_from_kelvin
 from cellwright.numerics.statistics import rms
 from cellwright.packs import checks, findings
 from cellwright.packs.cells import alike_cells, pack_cells, table_temperatures
@@ -163,12 +164,14 @@ def _blind_to_temperature(models, record):
         "by the activation energies that cells usually have": [],
     }
     for model in models:
-        known, *more = member_of(model)["conditions"]
-        at, told = known["ambient_temperature_celsius"], known.get(ENERGY)
-        if not more and not told and not same_temperature(at, celsius):
-            list(ways.values())[told is None].append(model["cell"])
+        conditions = member_of(model)["conditions"]
+        at = conditions[0]["ambient_temperature_celsius"]
+        usual = abs(celsius - stated_or_reference(at)) > usual_from_kelvin(conditions)
+        told = len(conditions) > 1 or conditions[0].get(ENERGY)
+        if (usual or not told) and not same_temperature(at, celsius):
+            list(ways.values())[usual].append(model["cell"])
     return [
-        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how its resistance "
+        f"{record.test}: {', '.join(cells)} simulated {way}, for no test tells how resistance "
         f"follows temperature, and the record is at {celsius:.0f} °C"
         for way, cells in ways.items()
         if cells
@@ -272,7 +275,8 @@ def _alike(models, celsius, uncertainty, record, start, stated, counted):
         starts = starts + draw_cells(uncertainty, draws=len(copies)).initial_soc[:, :1]
     elif not counted:
         first = record.voltage_volt[0]
-        starts = np.array([_soc_at(one, record, first) for one in copies])
+        looked_up = np.array([_soc_at(one, record, first) for one in copies])
+        starts = np.where([one is None for one in stated], looked_up, starts)
     return _Draws(copies.__getitem__, starts, 0.0)
 
 
@@ -337,8 +341,8 @@ def _of_sensors(fits, stated, record, notes):
     """Offsets of the branch sensors and how far their readings scatter (branches,) [A], 0 where
     nothing tells them."""
     if fits:
-        names = ("sensor_offset_ampere", "sensor_noise_ampere")
-        offset, noise = (np.array([fit[name] for fit in fits]) for name in names)
+        names = ("sensor_offset_ampere", "sensor_noise_ampere")  # the latter not of files of before
+        offset, noise = (np.array([fit.get(name, np.nan) for fit in fits]) for name in names)
     elif stated == [None] * len(stated):
         offset, noise = _read_at_start(record)
     else:
