@@ -99,6 +99,7 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
     folder = Path(folder).resolve()
     paths = [folder / file for file in files_below(folder)]
     found, common = Found([], {}, {}, {}, []), _common_folder(folder, paths)
+    numbered = _numbered_cells({part for path in paths for part in path.relative_to(folder).parts})
     for path in paths:
         place = path.relative_to(folder).as_posix()
         try:
@@ -109,7 +110,7 @@ def draft(folder) -> tuple[list[dict], list[dict], dict[str, list[str]]]:
             said = str(reason).removeprefix(f"{place}: ").removeprefix(f"{path.name}: ")
             found.left_out.setdefault(said, []).append(place)
             continue
-        _take(found, path, place, _cell_of(path, common, folder), seen)
+        _take(found, path, place, _cell_of(path, common, folder, numbered), seen)
     _propose_temperatures(found.read_celsius)
     _propose_roles(found.tests)
     cells = [_cell(name, found) for name in dict.fromkeys(row["cell"] for row in found.tests)]
@@ -218,9 +219,16 @@ def _common_folder(folder, paths):
     return Path(*same) if same else folder
 
 
-def _cell_of(path, common, folder):
-    """Name of the cell of a file, see `draft`."""
-    inner = [_cell_words(part) for part in reversed(path.relative_to(common).parent.parts)]
+def _numbered_cells(folders):
+    """Folders C1, C2, C3 …, which are cells and no rates: those go C/20, C/10, C/5."""
+    numbers = {int(name[1:]): name for name in folders if re.fullmatch(r"[Cc][1-9]\d*", name)}
+    return set(numbers.values()) if sorted(numbers) == [*range(1, max(2, len(numbers)) + 1)] else ()
+
+
+def _cell_of(path, common, folder, numbered):
+    """Name of the cell of a file, see `draft`. numbered : from `_numbered_cells`."""
+    parts = reversed(path.relative_to(common).parent.parts)
+    inner = [part if part in numbered else _cell_words(part) for part in parts]
     outer = [_cell_words(part) for part in reversed(common.relative_to(folder.parent).parts)]
     begins = _cell_begins(BLANKS.split(SUFFIXES.sub("", path.name)))
     return _plain(next(filter(None, (*inner, begins, *outer)), "cell"))

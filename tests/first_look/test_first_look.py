@@ -174,6 +174,8 @@ def drafted(folder, *places, kind="capacity", volt=0.0):
         (("LF 26650 #3 cap #2.csv", "LF 26650 #4 0.5C.csv"), ["LF_26650_3", "LF_26650_4"]),
         (("M50 #1 0degC.csv", "M50T #2.csv"), ["M50_1", "M50T_2"]),
         (("S001_C10.csv", "S002_C10.csv"), ["S001", "S002"]),
+        (("C1/cap 25degC.csv", "C2/25degC/cap.csv"), ["C1", "C2"]),
+        (("C2/25degC/cap.csv", "C20/cap 25degC.csv"), ["Maker"] * 2),
     ],
 )
 def test_a_cell_is_named_by_what_is_no_temperature_and_no_test(tmp_path, places, cells):
