@@ -29,6 +29,7 @@ PREAMBLE = ("snakemake.logging", "snakemake.iocontainers")
 REQUEST_BYTES = 65536
 # From the request to end until it is enforced [s], for scripts that clean up behind them.
 GRACE_SECOND = 5.0
+KILLED = float("inf")  # deadline of a script that was killed: nothing is waited for any more
 # A thread that an import has started and that is about to end is waited for so long [s].
 THREAD_SECOND = 1.0
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux' prctl
@@ -139,7 +140,8 @@ class Server:
         """Answer requests. Returns in forked processes only: the request and its pipe."""
         mine = None
         while mine is None:
-            patience = min(self.deadlines.values(), default=None)
+            waiting = (one for one in self.deadlines.values() if one < KILLED)
+            patience = min(waiting, default=None)
             events = self.selector.select(patience and max(0.0, patience - time.monotonic()))
             for key, _ in events[:1]:  # each may end what the next is about
                 mine = key.data(key.fileobj)
@@ -216,7 +218,7 @@ class Server:
         """Kill what was asked to end and has not."""
         for process, deadline in self.deadlines.items():
             if time.monotonic() >= deadline:
-                self.deadlines[process] = float("inf")
+                self.deadlines[process] = KILLED
                 os.kill(process, signal.SIGKILL)
 
     def _end(self):
