@@ -64,9 +64,9 @@ def test_demo_asks_for_what_its_files_hold(demo_records):
             second = shown["test_time_second"][of_step] - begin
             error = shown["current_ampere"][of_step] - _asked_ampere(step, second)
             # Five times the noise, and half of the instrument's resolution.
-            # H1 and H2 have the hidden campaign's instrument, whose current scatters more.
+            # H1 and H2 have the hidden campaign's instrument, whose current scatters by 2 mA.
             noisy = test.file.startswith(("data/H1/", "data/H2/"))
-            assert np.abs(error).max() < (0.0075 if noisy else 0.003), test.file
+            assert np.abs(error).max() < (0.0105 if noisy else 0.003), test.file
             checked += step.until_volt is None or end - begin > step.duration_second - 0.002
     assert checked > 700
 
